@@ -219,7 +219,7 @@ REAL = SystemClock()
 
 
 class EventSource(Protocol):
-    """What happens by itself in virtual time: the frames of a bus, the motion of plants."""
+    """Events that occur in virtual time without a request: the frames of a bus, the motion of plants."""
 
     @property
     def due(self) -> float:
@@ -228,7 +228,7 @@ class EventSource(Protocol):
     def run(self, now: float, until: float) -> None:
         """Execute the events that are due at ``now``; must not wait.
 
-        Go on with later ones up to ``until``, with the clock's ``go_to`` before each, while ``news`` of the clock is not set.
+        Continue with later ones up to ``until``, with the clock's ``go_to`` before each, while ``news`` of the clock is not set.
         """
 
     def catch_up(self, now: float) -> None:

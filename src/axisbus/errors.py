@@ -246,7 +246,7 @@ class NodeTimeout(NodeError, TimeoutError):
 
 
 class NodeRefused(NodeTimeout):
-    """A node is present and reports another NMT state than the commanded one; repeating the command is of no use."""
+    """A node is present and reports an NMT state other than the commanded one; repeating the command is of no use."""
 
 
 class DuplicateNodeError(NodeError):
@@ -358,7 +358,7 @@ class BootError(BusError):
 
 
 class SyncError(BusError):
-    """The SYNC of another device is missing, or has another period than the scan."""
+    """The SYNC of another device is missing, or its period differs from the scan period."""
 
 
 class ScanError(BusError):

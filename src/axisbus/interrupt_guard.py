@@ -1,4 +1,4 @@
-"""Tell whether an exception or a thread belongs to axisbus, and protect functions from interrupts if the program continues.
+"""Decide whether an exception or a thread belongs to axisbus, and protect functions from interrupts if the program continues.
 
 Theory of operation
 -------------------

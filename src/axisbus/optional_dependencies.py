@@ -11,7 +11,7 @@ def require(module: str, need: str, extra: str) -> None:
     """Check that a package is installed; ``need`` is the beginning of the message, such as "the page needs nicegui".
 
     Raises:
-        UserError: it is not.
+        UserError: the package is not installed.
     """
     if importlib.util.find_spec(module) is None:
         raise UserError(

@@ -86,7 +86,7 @@ def test_each_change_is_one_event_with_its_times():
     assert list(events.history) == told
     assert (
         str(told[0])
-        == "node 5 is in another NMT state than operational (stopped, last frame 500 ms ago; detected within 500.0 ms)"
+        == "node 5 is in an NMT state other than operational (stopped, last frame 500 ms ago; detected within 500.0 ms)"
     )
 
 

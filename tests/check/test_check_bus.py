@@ -1,4 +1,4 @@
-"""The bus: the load of a cycle, whether the period can be kept, and the detection of a dead master."""
+"""The bus: the load of a cycle, whether the period can be kept, and the detection of the loss of the master."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_a_very_short_period_is_only_warned_of(tmp_path: Path) -> None:
     assert "a scan_period of 0.9 ms is shorter than an ordinary computer can keep" in problem.message
 
 
-# -- detection of a dead master --------------------------------------------------------------------------------------
+# -- detection of the loss of the master --------------------------------------------------------------------------------------
 
 
 def test_a_drive_that_cannot_notice_a_dead_master_is_warned_of(tmp_path: Path) -> None:
@@ -157,7 +157,7 @@ def test_a_drive_that_cannot_notice_a_dead_master_is_warned_of(tmp_path: Path) -
         cells.line_of(path, "[nodes.1]"),
         cells.line_of(path, "[nodes.2]"),
     ]
-    assert "node 1: nothing on this drive detects a dead master" in found[0].message
+    assert "node 1: nothing on this drive detects the loss of the master" in found[0].message
     assert "neither 1016h" in found[0].observed
 
 
@@ -173,14 +173,16 @@ def test_node_guarding_is_a_watchdog_too(tmp_path: Path) -> None:
 def test_a_drive_whose_reaction_is_unknown_is_noted(tmp_path: Path) -> None:
     path = cells.write(tmp_path, eds=cells.without("6007"))
     assert cells.serious(path) == []
-    told = cells.note(path, "axis x: the reaction of the drive to a dead master is unknown")
+    told = cells.note(path, "axis x: the reaction of the drive to the loss of the master is unknown")
     assert "has 1016h (consumer heartbeat) but no 6007h" in told.observed
     assert "low speed" in told.remedy
 
 
 def test_a_heartbeat_that_is_off_is_warned_of(tmp_path: Path) -> None:
     path = cells.write(tmp_path, ('heartbeat = "100ms"', 'heartbeat = "off"'))
-    assert "no drive can use it to detect a dead master" in cells.only(path, "warning", '"off"').message
+    assert (
+        "no drive can use it to detect the loss of the master" in cells.only(path, "warning", '"off"').message
+    )
 
 
 @pytest.mark.parametrize(

@@ -297,7 +297,7 @@ def test_a_value_lost_in_a_restart_is_found_by_reading_again(axisbus, bus, saved
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options, "--store")
     assert code == 1
     assert "FAILED    6083h:00" in out
-    assert "it restarted, and all was read again" in out
+    assert "it restarted, and all values were read again" in out
 
 
 def test_a_drive_that_refuses_to_store_is_reported_and_keeps_its_values_in_ram(axisbus, bus, saved):
@@ -317,7 +317,7 @@ def test_another_drive_is_refused_unless_it_replaces_the_one_of_the_file(axisbus
     before = _held(stand_ins, device=1)
     code, _, err = axisbus("config", "restore", "x.dcf", "6", *options)
     assert (code, _held(stand_ins, device=1)) == (1, before)
-    assert "was taken from another device than node 6; nothing was written" in err
+    assert "was not taken from node 6; nothing was written" in err
     assert axisbus("config", "restore", "x.dcf", "6", *options, "--replacement").code == 0
     assert _held(stand_ins, device=1) == CHANGES
     with stand_ins.lock:
@@ -340,7 +340,7 @@ def test_another_type_of_device_is_refused_even_as_a_replacement(axisbus, bus, s
     stand_ins.devices[0].dictionary.values[0x1000 << 8] = 0x0004_0192
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options, "--replacement")
     assert code == 1
-    assert "another type of device" in err
+    assert "is not for a device of the type of node" in err
     assert _held(stand_ins) == saved
 
 

@@ -242,7 +242,7 @@ def test_set_node_id_as_json(lss, cell):
     [
         (("set-node-id", 7), "name the slave by one of these"),
         (("set-node-id", 7, *WHO, "--only"), "name the slave by one of these"),
-        (("set-node-id", 0, *WHO), "node-ID 0 cannot be given"),
+        (("set-node-id", 0, *WHO), "node-ID 0 cannot be assigned"),
         (("set-node-id", "x", *WHO), "'x' is not a number"),
         (("set-node-id", 7, "-s", 1, 2, 3, 1 << 32), "not a number of 32 bits"),
         (("inquire", *WHO, "--timeout", 0), "is not a valid time"),

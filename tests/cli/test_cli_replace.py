@@ -154,7 +154,7 @@ def test_a_file_of_another_type_of_drive_is_refused_before_the_drive_gets_its_no
     swap(stand_ins, 255, None, None, 8)
     code, _, err = axisbus("replace", cell, "x", "--yes")
     assert code == 1
-    assert "is for another type of device" in err
+    assert "is not for a device of the type of node" in err
     assert "product code: the file has 0x7, the device 0x8" in err
     assert stand_ins.devices[0].node_id == 255
     assert not note_of(cell).exists()

@@ -251,6 +251,6 @@ def test_another_drive_that_takes_the_place_meanwhile_is_not_configured(bench: B
         bench.device.swap(NEW + 1)
         bench.clock.sleep(0.5)
 
-    with pytest.raises(NodeError, match="is another drive than the one that was found"):
+    with pytest.raises(NodeError, match="is not the drive that was found"):
         bench.replace(tell)
     assert bench.downloads == []

@@ -20,7 +20,7 @@ from kit.eds.texts import canopen_facts, import_text, our_facts
 
 pytestmark = pytest.mark.skipif(not FILES, reason="no folder of EDS files (AXISBUS_EDS_CORPUS)")
 
-# Texts that canopen misreads though DS 306 allows them: compact sub-indices, and keys in another case than in the standard.
+# Texts that canopen misreads though DS 306 allows them: compact sub-indices, and keys in a case other than in the standard.
 MISREAD_BY_CANOPEN = re.compile(r"CompactSubObj|^Pdo", re.MULTILINE)
 NO_LIMITS_IN_CANOPEN = frozenset(
     (

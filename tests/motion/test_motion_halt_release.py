@@ -173,7 +173,7 @@ def test_an_acknowledge_that_is_later_than_it_may_be_does_not_end_the_halt(delay
     r.axis.move_absolute(300.0)
     r.run(0.05)
     r.axis.halt().wait(3)
-    fails(r, Watch(r), "does not take its present position")
+    fails(r, Watch(r), "does not accept its present position")
 
 
 @pytest.mark.parametrize(
@@ -183,14 +183,14 @@ def test_without_an_acknowledge_the_axis_stays_halted(deaf):
     r, watch = halted("pp")
     for dial, value in deaf.items():
         setattr(r.drive.dials, dial, value)
-    fails(r, watch, "does not take its present position")
+    fails(r, watch, "does not accept its present position")
 
 
 def test_a_set_point_that_the_drive_has_limited_does_not_end_the_halt():
     r, watch = halted("pp")
     r.device.write(0x607D, 1, 60_000)  # the axis is outside, and would be moved to this limit
     r.device.write(0x607D, 2, 400_000)
-    fails(r, watch, "does not take its present position")
+    fails(r, watch, "does not accept its present position")
 
 
 def test_with_an_acknowledge_that_proves_nothing_the_axis_stays_halted_within_a_move():
@@ -364,7 +364,7 @@ def test_an_axis_that_is_not_at_standstill_stays_halted():
 def test_without_a_position_there_is_no_set_point():
     halt = Halted(1, position=None)
     assert {word for _, word in halt.cycles(600)} == {HALT}
-    assert "does not take its present position" in halt.release.refusal
+    assert "does not accept its present position" in halt.release.refusal
 
 
 def test_queued_transfers_are_cancelled():

@@ -579,7 +579,7 @@ def test_a_short_move_with_a_weak_deceleration_is_not_overrun_by_the_drive(scena
     assert cell.end_of(first) is None
     assert cell.end_of(last) is None
     assert max(cell.positions("x", 0.0)) < 100.0 + far + 0.3
-    assert ("deceleration of the one before" in last.note) is (far < 240.0)
+    assert ("deceleration of the previous move" in last.note) is (far < 240.0)
     assert cell.where("x") == pytest.approx(100.0 + far, abs=0.1)
 
 

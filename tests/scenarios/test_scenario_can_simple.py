@@ -1,7 +1,7 @@
 """Two CANopen axes and a CAN Simple module in one machine: they move together, and none continues after any fault.
 
 The module is judged by its own shaft: it turns at a velocity, at which it would continue for ever, since it does not
-detect a dead master. If the safety net of a scenario is removed, it must be found turning.
+detect the loss of the master. If the safety net of a scenario is removed, it must be found turning.
 """
 
 from __future__ import annotations

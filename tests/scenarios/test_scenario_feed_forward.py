@@ -304,7 +304,7 @@ def test_the_scan_that_dies_sends_0(scenario):
 
 
 def test_a_drive_that_was_lost_gets_0_before_it_is_enabled_again(scenario):
-    """It does not detect a dead master, and so keeps its values."""
+    """It does not detect the loss of the master, and so keeps its values."""
     stop = 'connection_loss = "nothing"\ncommunication_error = "no-change"'
     cell, witness = made(scenario, forward(torque=2.0), stop=stop)
     cell.enabled()

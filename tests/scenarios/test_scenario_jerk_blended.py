@@ -108,13 +108,13 @@ def test_moves_that_need_more_time_for_their_jerk_are_not_blended_and_the_note_g
     assert cell.end_of(first) is None
     assert cell.where("x") == pytest.approx(70.0, abs=0.1)
     assert cell.end_of(second) is None
-    assert "takes longer than that of the moves before it" in second.note
+    assert "needs a longer averaging time than the previous moves" in second.note
     cell.end_of(cell.x.move_absolute(0.0, jerk=math.inf, buffer="blending_next"))
     third = cell.x.move_absolute(100.0, jerk=math.inf, buffer="blending_next")
     fourth = cell.x.move_absolute(150.0, buffer="blending_next")
     assert cell.end_of(third) is None
     assert cell.end_of(fourth) is None
-    assert "takes longer" in fourth.note
+    assert "needs a longer averaging time" in fourth.note
     assert led.worst(2) <= HARD * 1.001
 
 

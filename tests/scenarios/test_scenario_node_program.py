@@ -306,7 +306,7 @@ def test_boot_reports_of_a_program_as_text_and_as_json(axisbus, tmp_path):
     with rig(tmp_path, EXPECTED) as line:
         told, plain = axisbus("boot", line.file), axisbus("boot", "--json", line.file)
     assert told.code == plain.code == 3
-    assert "H: the node has another program than the expected one" in told.out
+    assert "H: the node has a program other than the expected one" in told.out
     assert "  expected      2026-03-01 12:00:00\n  got           2025-11-20 08:15:00\n" in told.out
     (node,) = json.loads(plain.out)
     assert node["boot"]["letter"] == "H"

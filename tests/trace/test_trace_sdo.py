@@ -178,7 +178,7 @@ def test_a_block_read_that_the_server_answers_in_segments():
 def test_an_answer_to_another_question_is_named():
     wire = Wire()
     wire(0x605, "40 41 60 00 00 00 00 00")
-    assert "another object than was asked for, 6041h:00" in wire(0x585, "4B 64 60 00 00 00 00 00").problem
+    assert "its object is not the requested one, 6041h:00" in wire(0x585, "4B 64 60 00 00 00 00 00").problem
     assert wire(0x585, "4B 41 60 00 50 02 00 00").problem == ""
 
 

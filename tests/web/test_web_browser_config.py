@@ -184,7 +184,7 @@ def test_a_file_that_does_not_fit_this_node_is_refused_with_a_message(at):
     until(lambda: "of node 2" in page.text("#file-state"))
     Select(page.one("#config-node")).select_by_value("1")
     done(page, "#would-restore")
-    assert "was taken from another device than node 1" in page.text("#config-error")
+    assert "was not taken from node 1" in page.text("#config-error")
 
 
 def test_a_file_is_sent_again_after_a_short_loss_of_the_connection(at):

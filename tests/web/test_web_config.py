@@ -175,14 +175,14 @@ def test_a_node_that_meets_the_conditions_is_not_restored_either_since_it_is_one
 @pytest.mark.usefixtures("anywhere")
 def test_the_file_of_another_node_is_refused(machine):
     made = backup(machine, 2)
-    with pytest.raises(UserError, match="was taken from another device than node 1") as caught:
+    with pytest.raises(UserError, match="was not taken from node 1") as caught:
         done(machine, ConfigJobKind.WOULD_RESTORE, 1, made)
     assert "node-ID" in caught.value.observed
 
 
 def test_the_file_of_another_type_of_device_is_refused(machine):
     other = edited(backup(machine), "[1000]", "ParameterValue=0x00030191")
-    with pytest.raises(UserError, match="another type of device than node 1"):
+    with pytest.raises(UserError, match="not for a device of the type of node 1"):
         done(machine, ConfigJobKind.WOULD_RESTORE, 1, other)
 
 

@@ -258,7 +258,7 @@ def _set_counter(objects: NodeObjects, bus: BusConfig) -> None:
         raise _failed(
             objects,
             o.SYNC_COUNTER_OVERFLOW,
-            "it expects another counter in SYNC than the bus has",
+            "the SYNC counter that it expects differs from that of the bus",
             f"1019h is {now}, sync_counter is {bus.sync_counter or 'off'}; {error.observed}",
             f"write sync_counter = {counts} in [bus], or set 1019h with the drive's own tool",
         ) from error

@@ -39,8 +39,8 @@ _ERROR_CONTROL = {
     ),
     Letter.F: (
         "it does not answer node guarding, and has no heartbeat",
-        "check that the CAN adapter passes remote frames on; without error control a lost node is noticed by its PDOs only "
-        '(heartbeat = "off" in [bus] does without)',
+        "check that the CAN adapter passes remote frames on; without error control a lost node is detected by its PDOs only "
+        '(heartbeat = "off" in [bus] switches error control off)',
     ),
     Letter.K: (
         "it sends no heartbeat after 1017h was set",
@@ -180,7 +180,7 @@ def expected(node: NodeConfig, eds: Eds) -> dict[Address, Expected]:
 
 
 def unspecified(before: Mapping[Address, int], wanted: Mapping[Address, Expected]) -> dict[Address, int]:
-    """Return the reported parts of the identity ``before`` (1018h) that cell file and EDS leave open; 0 is no report."""
+    """Return the reported parts of the identity ``before`` (1018h) that cell file and EDS leave open; 0 counts as not reported."""
     return {
         address: value for address, value in before.items() if value and address in _SHORT.keys() - wanted
     }

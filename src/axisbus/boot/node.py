@@ -373,7 +373,7 @@ class NodeBoot:
             self._report.watchdog = replace(report, text=f"{report.text}; {unread}")
 
     def _reaction(self) -> str | None:
-        """Return the drives' reaction to a dead master (6007h), None if a drive has no 6007h.
+        """Return the drives' reaction to the loss of the master (6007h), None if a drive has no 6007h.
 
         A node without axes reacts as CiA 301 defines (7.5.2.32); the report of its outputs has more.
         """

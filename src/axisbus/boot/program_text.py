@@ -58,7 +58,7 @@ _OTHER_IDENTIFICATION = (
     "the right one"
 )
 _OTHER_PROGRAM = (
-    "compare the mark in [nodes.N.program] with the program in the file (its manufacturer documents the mark), correct the "
+    "compare [nodes.N.program] with the program in the file (its manufacturer documents date and identification), correct the "
     "wrong one, and boot again"
 )
 # The other property that identifies a program, if an object is missing.
@@ -145,14 +145,14 @@ def _inconsistent(outcome: BootOutcome, state: ProgramState) -> tuple[str, str, 
 def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
     if download:
         return (
-            " has another program than the expected one, which is not replaced while the machine runs",
+            " has a program other than the expected one, which is not replaced while the machine runs",
             _both(state),
             "close the machine, and boot: axisbus boot with this cell file replaces it",
         )
     right = _toml(state.found)
     keep = f"if the node's program is right, write {right} in [nodes.N.program]; " if right else ""
     return (
-        " has another program than the expected one, and it may not be replaced",
+        " has a program other than the expected one, and it may not be replaced",
         _both(state),
         f'{keep}to replace it by the expected one, give file = "firmware.bin" and download = true there '
         "(the node must keep its supply until that is done)",
@@ -162,7 +162,7 @@ def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
 def _failed(
     outcome: BootOutcome, cause: AxisbusError | None, words: dict[str, str], other: str
 ) -> tuple[str, str, str]:
-    """Return message, observation and remedy; ``other``: the remedy if the node has another program than the expected one."""
+    """Return message, observation and remedy; ``other``: the remedy if the node has a program other than the expected one."""
     state = outcome.program
     assert state is not None
     index, subindex = outcome.address or (o.PROGRAM_DATA, 1)

@@ -1,4 +1,4 @@
-"""Describe how each axis stops, in plain words: its stop sequence, and how the drive notices a dead master."""
+"""Describe how each axis stops, in plain words: its stop sequence, and how the drive detects the loss of the master."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class WatchdogReport:
 
 NO_WATCHDOG = WatchdogReport(
     Watchdog.NONE,
-    "nothing on this drive detects a dead master: if this program or the bus fails, it continues with its last command",
+    "nothing on this drive detects the loss of the master: if this program or the bus fails, it continues with its last command",
 )
 
 

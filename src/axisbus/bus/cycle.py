@@ -153,7 +153,7 @@ class CanCycle:
             time_producer: sends TIME, None to send none.
             master_id: the master's node-ID (1 to 127) for the heartbeat, None to send none.
             heartbeat: its period in seconds, 0 to send none.
-            boot_heartbeat: the sender until now; the first heartbeat of the cycle ends it.
+            boot_heartbeat: the sender during boot-up; the first heartbeat of the cycle replaces it.
             guarded: nodes without heartbeat that are monitored by node guarding, each with its period in seconds.
             events: detectors of error control events, called in each commit.
             owns_channel: whether ``close`` closes the channel too.

@@ -51,7 +51,7 @@ class SyncConsumer:
         """Wait until SYNC comes, and return its measured period in seconds; blocks up to ``timeout`` seconds.
 
         Raises:
-            SyncError: it does not come, or with another period than the master's.
+            SyncError: it does not come, or with a period other than the master's.
             BusError: the channel failed.
         """
         deadline = self._clock() + timeout
@@ -143,7 +143,7 @@ class SyncConsumer:
         period = self._watch.period
         return SyncError(
             f"SYNC comes every {measured * 1000:.3g} ms, but scan_period is {period * 1000:g} ms",
-            observed="the axes would move at another speed than commanded",
+            observed="the axes would move at a speed other than commanded",
             remedy=f'write scan_period = "{measured * 1000:.3g}ms", or set 1006h of the producer to {period * 1e6:.0f}',
         )
 

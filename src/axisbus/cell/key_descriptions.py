@@ -161,10 +161,10 @@ KINEMATICS: Mapping[str, str] = {
     "kind": 'Kinematics of the axes: "corexy", "scara" or "delta".',
     "upper": "Length of the upper arm, or of each of them.",
     "fore": "Length of the forearm, or of each of them, in the same unit.",
-    "base": "Of a delta: distance of the upper joints from the middle.",
-    "plate": "Of a delta: distance of the lower joints from the middle of the plate.",
-    "left": "Of a SCARA: whether the elbow is bent to positive angles (default true).",
-    "middle": "Of a SCARA: the shoulder's positions are those within half a turn of this (default 0 degrees).",
+    "base": "For a delta robot: distance of the upper joints from the middle.",
+    "plate": "For a delta robot: distance of the lower joints from the middle of the plate.",
+    "left": "For a SCARA robot: whether the elbow is bent to positive angles (default true).",
+    "middle": "For a SCARA robot: the shoulder stays within half a turn of this angle (default 0 degrees).",
 }
 
 GANTRY: Mapping[str, str] = {

@@ -109,7 +109,7 @@ AUTOMATIC = "automatic"
 
 
 class ProtocolSettings(Protocol):
-    """The table ``[nodes.N.PROTOCOL]`` of a node that uses another protocol than CANopen, read by a drive plug-in."""
+    """The table ``[nodes.N.PROTOCOL]`` of a node that uses a protocol other than CANopen, read by a drive plug-in."""
 
     @property
     def protocol(self) -> str:

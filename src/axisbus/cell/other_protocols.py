@@ -1,4 +1,4 @@
-"""The nodes of a cell that use another protocol than CANopen: the part of a drive plug-in that reads and describes them.
+"""The nodes of a cell that use a protocol other than CANopen: the part of a drive plug-in that reads and describes them.
 
 A plug-in names a ``CellPart`` in the ``parts`` of its ``Extension``. It is loaded only for a cell that names one of the plug-in's
 protocols, or its interface.
@@ -35,7 +35,7 @@ class NodeFrame(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CellPart:
-    """What a plug-in knows about the nodes of its protocols.
+    """The knowledge of a plug-in about the nodes of its protocols.
 
     ``keys`` are those of the table ``[nodes.N.PROTOCOL]``, ``descriptions`` their texts, ``tables`` the text of each table by
     protocol; ``settings`` makes the settings of a table from its protocol and its fields. ``dictionaries`` returns the EDS that

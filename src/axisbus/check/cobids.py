@@ -119,7 +119,7 @@ def _emergency(case: CheckContext, node: NodeConfig) -> Iterator[Use]:
         cob_id = value & cob.ID_MASK_11
         odd = cob_id != predefined
         remedy = f'"1014" = 0x{predefined:X} in [nodes.{node.node_id}.objects]' if odd else ""
-        doubt = "by the EDS, which gives EMCY another COB-ID than 80h + node ID" if odd else ""
+        doubt = "by the EDS, which gives EMCY a COB-ID other than 80h + node ID" if odd else ""
         yield Use(cob_id, f"EMCY of node {node.node_id}", node.at.line, remedy, doubt)
 
 

@@ -245,7 +245,7 @@ def bitrate(case: CheckContext) -> Problems:
             )
 
 
-_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, by CiA 301
+_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s (CiA 301)
 
 CHECKS: tuple[Check, ...] = (
     defects,

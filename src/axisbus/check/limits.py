@@ -221,7 +221,7 @@ def promised(case: CheckContext) -> Problems:
 _UNSAID = {
     objects.SOFTWARE_POSITION_LIMIT: "it has only a part of it",
     objects.MAX_PROFILE_VELOCITY: "it is less than one increment of the drive's velocity",
-    objects.MAX_MOTOR_SPEED: "how many increments one revolution of the motor has is not known: 608Fh and scale do not agree",
+    objects.MAX_MOTOR_SPEED: "the increments per revolution of the motor are not known: 608Fh and scale do not agree",
     objects.MAX_TORQUE: "it is less than 0.1 % of rated_torque, or that is missing",
 }
 

@@ -218,7 +218,7 @@ CHECKS: tuple[Check, ...] = (
 )
 
 
-# -- Check that each drive can notice a dead master --------------------------------------------------------------------
+# -- Check that each drive can detect the loss of the master --------------------------------------------------------------------
 
 
 _MILLISECOND = 0.001
@@ -238,7 +238,7 @@ def heartbeat(case: CheckContext) -> Problems:
     if bus.heartbeat is None:
         yield case.warning(
             line,
-            "the heartbeat is off, so no drive can use it to detect a dead master",
+            "the heartbeat is off, so no drive can use it to detect the loss of the master",
             'heartbeat = "off"',
             'heartbeat = "100ms" in [bus]',
         )
@@ -259,7 +259,7 @@ def heartbeat(case: CheckContext) -> Problems:
 
 
 def watched(case: CheckContext) -> Problems:
-    """Warn of drives that cannot notice a dead master, and note drives with an unknown reaction."""
+    """Warn of drives that cannot detect the loss of the master, and note drives with an unknown reaction."""
     if case.cell.bus.heartbeat is None:
         return
     for node, eds, _ in case.nodes:
@@ -270,7 +270,7 @@ def watched(case: CheckContext) -> Problems:
         elif not _can_be_guarded(eds):
             yield case.warning(
                 node.at.line,
-                f"node {node.node_id}: nothing on this drive detects a dead master",
+                f"node {node.node_id}: nothing on this drive detects the loss of the master",
                 f"{eds.source} has neither 1016h (consumer heartbeat) nor 100Ch and 100Dh (node guarding): if this program "
                 "or the bus fails, the drive continues with its last command",
                 "keep its speed and travel harmless, or cut its power by hardware that monitors the master",
@@ -292,7 +292,7 @@ def _reaction(case: CheckContext, node: NodeConfig, eds: Eds) -> Problems:
         if drive.node is node and not drive.has(options.CONNECTION_LOSS.index):
             yield case.note(
                 drive.axis.at.line,
-                f"axis {drive.axis.name}: the reaction of the drive to a dead master is unknown",
+                f"axis {drive.axis.name}: the reaction of the drive to the loss of the master is unknown",
                 f"{eds.source} has 1016h (consumer heartbeat) but no 6007h (abort connection option code)",
                 "try it at low speed: kill the program, and watch the axis",
             )

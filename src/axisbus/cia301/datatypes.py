@@ -131,7 +131,7 @@ def check_range(value: int, data_type: DataType, what: str) -> int:
 
 
 def encode(value: Value, data_type: DataType, what: str = "value") -> bytes:
-    """Encode ``value`` as ``data_type`` by CiA 301 7.1.4 (little endian); bytes are returned unchanged.
+    """Encode ``value`` as ``data_type`` according to CiA 301 7.1.4 (little endian); bytes are returned unchanged.
 
     Raises:
         ArgumentError: the value has the wrong Python type.

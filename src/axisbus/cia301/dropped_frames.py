@@ -21,8 +21,8 @@ class DropReason(Enum):
     EMCY = "EMCY without an error code", "EMCYs without an error code"
     HEARTBEAT = "heartbeat without a state", "heartbeats without a state"
     TOGGLE = (
-        "guarding answer with the toggle bit of the one before",
-        "guarding answers with the toggle bit of the one before",
+        "guarding answer with the toggle bit of the previous answer",
+        "guarding answers with the toggle bit of the previous answer",
     )
     SDO = "SDO answer that nothing was waiting for", "SDO answers that nothing was waiting for"
     LSS = "LSS answer that nothing was waiting for", "LSS answers that nothing was waiting for"

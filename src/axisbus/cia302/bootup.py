@@ -1,4 +1,5 @@
-"""The boot-up of one NMT slave by CiA 302-2 as a pure state machine: answers in, requests out, and an outcome at the end.
+"""The boot-up of one NMT slave according to CiA 302-2, as a pure state machine: answers in, requests out, and an outcome at the
+end.
 
 Theory of operation
 -------------------

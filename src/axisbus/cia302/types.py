@@ -28,7 +28,7 @@ class Letter(Enum):
     E = "the node is to send a heartbeat and sends none, so its state is not known"
     F = "the node does not answer node guarding, so its state is not known"
     G = "the data needed to check or replace the node's program are missing or inconsistent"
-    H = "the node has another program than the expected one, which may not be replaced"
+    H = "the node has a program other than the expected one, which may not be replaced"
     I = "the node's program had to be replaced, and its download failed"  # noqa: E741 - the standard's letter
     J = "the download of the configuration failed"
     K = "the node sends no heartbeat after error control was started"

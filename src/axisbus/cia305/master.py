@@ -138,7 +138,7 @@ def _same_serial(pace: AdaptiveLssTimeout, address: LssAddress) -> Dialogue[None
         return
     if services.number_in(answer) != address.serial_number:
         raise LssError(
-            f"another LSS slave than {address} answered",
+            f"an LSS slave other than {address} answered",
             service=service.text,
             slave=str(address),
             observed=f"its serial number is 0x{services.number_in(answer):X}",

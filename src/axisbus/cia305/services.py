@@ -233,7 +233,7 @@ def require_node_id(node_id: int) -> None:
     """
     if not 1 <= node_id <= 127 and node_id != UNCONFIGURED:
         raise ArgumentError(
-            f"node-ID {node_id} cannot be given",
+            f"node-ID {node_id} cannot be assigned",
             remedy="give one from 1 to 127 (255 takes the slave's node-ID away)",
         )
 

@@ -1,7 +1,7 @@
 """The interface between motion and a drive: the inputs and outputs of one cycle, and the protocols of a bus or a simulation.
 
 ``bus`` implements ``Port`` and ``BusCycle`` over CAN, ``sim`` by computation. All values are plain values in raw increments that
-can be pickled, so that the scan can run in another process than the client. The values are NamedTuples because they are made in
+can be pickled, so that the scan can run in a process other than the client's. The values are NamedTuples because they are made in
 every cycle, in which frozen dataclasses cost three times as much.
 
 All times are seconds of the monotonic clock that ``BusCycle.now`` reads. Indices are those of a single-axis device; a port adds the

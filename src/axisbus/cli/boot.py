@@ -89,12 +89,12 @@ def command(
     Their axes then wait for a reset. With --reconnect, the machine first opens its CAN adapter again, and stops each axis that had
     been commanded; then all its CANopen nodes are booted, or those of --node.
 
-    If [nodes.N.program] says download = true and a node has another program than the expected one, the expected program is
+    If [nodes.N.program] says download = true and a node has a program other than the expected one, the expected program is
     downloaded first, which may take minutes.
 
     For each node, the report shows its identity, the result of its boot-up (with the letter of CiA 302-2, A to O, if the
-    standard defines one), the stop sequence of each axis, and how the node detects a dead master. Exit code 3 when a node that
-    is not optional did not come up.
+    standard defines one), the stop sequence of each axis, and how the node detects the loss of the master. Exit code 3 when a node
+    that is not optional did not come up.
     """
     if wanted or reconnect:
         return _boot_in_machine(cell, wanted, reconnect=reconnect, take=take, as_json=as_json)

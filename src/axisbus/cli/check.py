@@ -31,7 +31,7 @@ _COMMAND = "axisbus check"
     "--ignore",
     multiple=True,
     metavar="IDS",
-    help="Leave out warnings and notes of these checks, such as C019; commas between several. Errors are always shown.",
+    help="Leave out warnings and notes of these checks, such as C019; separated by commas. Errors are always shown.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the findings as JSON.")
 @click.option("--sarif", "as_sarif", is_flag=True, help="Print the findings as SARIF 2.1.0, for code hosts.")

@@ -116,7 +116,7 @@ def disable_command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
     """Stop and disable the axes of CELL, or the named axes, groups or pairs, in the running machine."""
     config = checked(cell)
     names = as_pairs(config, named.chosen(config, axes))
-    why, remedy = "happens at the end of every machine", f"stop the drives themselves: axisbus stop {cell}"
+    why, remedy = "happens whenever a machine is closed", f"stop the drives themselves: axisbus stop {cell}"
     with running(cell, "disable", why, remedy, command=True, take=take) as machine:
         chosen = movers(machine, names)
         wait([each.disable() for each in chosen])

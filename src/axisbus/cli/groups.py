@@ -29,7 +29,10 @@ EDS_COMMANDS = {
         "axisbus.cli.eds.reports:export_command",
         "Write the dictionary as CSV or JSON, or the PDOs as DBC.",
     ),
-    "code": ("axisbus.cli.eds.code", "Write a Python module of the objects, or a C header with the PDOs."),
+    "code": (
+        "axisbus.cli.eds.code",
+        "Write a Python module that describes the objects, or a C header with the PDOs.",
+    ),
     "verify": (
         "axisbus.cli.eds.device:verify_command",
         "Compare a file with the connected drive; reads only.",

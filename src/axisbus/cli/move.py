@@ -30,7 +30,9 @@ from axisbus.machine.handle import Handle
 @click.option("--velocity", type=float, help="Velocity in unit/s, instead of the axes' defaults.")
 @click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axes' defaults.")
 @click.option("--relative", is_flag=True, help="Move by these distances instead of to these positions.")
-@click.option("--home", "home_first", is_flag=True, help="Home the axes first, by their homing tables.")
+@click.option(
+    "--home", "home_first", is_flag=True, help="Home the axes first, as their homing tables define."
+)
 @click.option(
     "--timeout", type=Seconds(), help="Time-out of each move in seconds, instead of the calculated time."
 )

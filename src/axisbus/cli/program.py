@@ -42,7 +42,7 @@ def file_options(function: Callable[..., Any]) -> Callable[..., Any]:
             metavar="BYTE",
             help="Byte for the gaps in FILE, such as 0xFF.",
         ),
-        click.option("--raw", is_flag=True, help="Take the bytes of FILE as they are, whatever it contains."),
+        click.option("--raw", is_flag=True, help="Send the bytes of FILE as they are, whatever its format."),
     ):
         function = decorate(function)
     return function
@@ -183,7 +183,7 @@ def _show_verification(node_id: int, result: ProgramVerification) -> None:
     "--identification",
     type=NumberType(32),
     metavar="NUMBER",
-    help="The value that 1F56h:01 must have afterwards, by the manufacturer's documents.",
+    help="The value that 1F56h:01 must have afterwards, according to the manufacturer's documents.",
 )
 @click.option(
     "--deadline",

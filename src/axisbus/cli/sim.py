@@ -61,7 +61,7 @@ class _Wish(NamedTuple):
 @click.option(
     "--control",
     type=PATH,
-    help="Make a socket at this path, for tests to control the drives (axisbus.SimulationControl).",
+    help="Create a socket at this path, through which tests control the drives (axisbus.SimulationControl).",
 )
 @click.option("--for", "seconds", type=Seconds(), help="Duration in seconds; without it, until Ctrl-C.")
 @packed(_Wish, "wish")

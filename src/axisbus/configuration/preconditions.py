@@ -56,7 +56,7 @@ def identity_of(eds: Eds) -> FileIdentity:
 def require_same_device(eds: Eds, found: NodeIdentity, node_id: int, *, replacement: bool) -> None:
     """Check that a file belongs to this device; a value that is missing or 0 in the file or the device is not compared.
 
-    With ``replacement``, another specimen of the same type is accepted: revision, serial number and node-ID may differ.
+    With ``replacement``, another drive of the same type is accepted: revision, serial number and node-ID may differ.
 
     Raises:
         UserError: the file belongs to another device.
@@ -75,14 +75,14 @@ def require_same_device(eds: Eds, found: NodeIdentity, node_id: int, *, replacem
     other = _differing(kinds)
     if other:
         raise UserError(
-            f"{eds.source} is for another type of device than node {node_id}; nothing was written",
+            f"{eds.source} is not for a device of the type of node {node_id}; nothing was written",
             observed="; ".join(other),
             remedy="give the file of this device (axisbus scan lists the nodes)",
         )
     other = [] if replacement else _differing(specimens)
     if other:
         raise UserError(
-            f"{eds.source} was taken from another device than node {node_id}; nothing was written",
+            f"{eds.source} was not taken from node {node_id}; nothing was written",
             observed="; ".join(other),
             remedy="give the file of this device; if this device replaces the one of the file, add --replacement",
         )

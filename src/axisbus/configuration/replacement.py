@@ -49,7 +49,7 @@ def find_drives(
     are those that it has, and the master's), and the drives without a node-ID. ``in_operation``: the machine of the cell runs.
 
     Raises:
-        StateError: the bus is in operation, several drives have the same identity, or only devices with another protocol than
+        StateError: the bus is in operation, several drives have the same identity, or only devices with a protocol other than
             CANopen were found.
         LssError, AdapterError: as ``LssMaster.find`` and ``discover.scan``.
     """
@@ -241,7 +241,7 @@ class DriveReplacement:
         wanted, found = self._order.drive.serial, self._node.identity().serial
         if wanted != found:
             raise NodeError(
-                f"node {self._node.node_id} is another drive than the one that was found; the replacement is unfinished",
+                f"node {self._node.node_id} is not the drive that was found; the replacement is unfinished",
                 node=self._node.node_id,
                 observed=f"its serial number (1018h:04) is {found}, that of the found drive is {wanted}",
                 remedy="check that only one device has this node-ID (axisbus scan); then run the command again",

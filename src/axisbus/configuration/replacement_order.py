@@ -67,7 +67,7 @@ class FoundDrive:
 class ReplacementOrder:
     """The steps to do with the drive of node ``node_id``; ``file`` is the DCF to restore (None: none).
 
-    ``swapped``: it is known that this drive is another one than before.
+    ``swapped``: it is known that this drive is not the previous one.
     """
 
     node_id: int

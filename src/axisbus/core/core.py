@@ -178,7 +178,7 @@ def _needs_rescue(core: AxisCore) -> bool:
 
 
 class AdapterLoss(Enum):
-    """What a core does after the failure of its adapter has ended its scan."""
+    """The actions of a core after the failure of its adapter has ended its scan."""
 
     STOPPING = auto()  # it opens the adapter again, and stops its drives
     STOPPED = auto()  # as far as that was possible
@@ -463,7 +463,7 @@ class Core:
         ``tell`` is called in this thread as each step begins.
 
         Raises:
-            StateError: as ``boot_node``; or the node is neither lost nor another drive than before.
+            StateError: as ``boot_node``; or the node was neither lost nor replaced.
             Other errors as ``boot_node`` and ``DriveReplacement.run``; the axes of the node remain in ErrorStop.
         """
         node_id, outcomes = order.node_id, list[ReplacementOutcome]()
@@ -479,7 +479,7 @@ class Core:
             if not order.swapped and self.runtime.is_operational(node_id):
                 raise not_booted(
                     node_id,
-                    "it is operational, and it is not known to be another drive than before",
+                    "it is operational, and it is not known that the drive was replaced",
                     "switch the drive off and on; or end the machine, and replace the drive then",
                 )
             self._boot_again(node_id, prepare=configure)
@@ -617,7 +617,7 @@ class Core:
         self.runtime.link.require_reconnectable(failed)
 
     def _renew_after_loss(self, name: str, core: AxisCore) -> None:
-        """Let an axis begin again in ErrorStop; ``reset`` is refused until its node is booted, if it needs that."""
+        """Let an axis begin again in ErrorStop; ``reset`` is refused until its node is booted, if that is necessary."""
         axis, touched = self.cell.axes[name], core.touched
         boots = not core.parameters.virtual and self.runtime.nodes[axis.node].has_objects
         error = (adapter_reopened if boots else adapter_reopened_without_boot)(name, axis.node)
@@ -643,7 +643,7 @@ class Core:
     def _booting_of(
         self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted
     ) -> Iterator[None]:
-        """Claim a CANopen node for one boot-up or one write of its program; closing waits for its end, but not for long."""
+        """Claim a CANopen node for one boot-up or one write of its program; closing waits a short time for its end."""
         self._require_objects(node_id, refuse)
         with self._claim(node_id, refuse):
             yield

@@ -58,7 +58,7 @@ class ReturningNode:
     another: bool = False  # another device has answered
 
     def step(self, now: float) -> None:
-        """Boot the node if it needs that; ``now`` in seconds. Errors are logged, and the axes of the node show them."""
+        """Boot the node if necessary; ``now`` in seconds. Errors are logged, and the axes of the node show them."""
         if self.tries >= REJOINS and now - self.tried_at < _STEADY:
             return
         if not self.needs_boot():
@@ -263,6 +263,5 @@ def booted_again(name: str, node_id: int, *, confirmed: bool) -> NodeError:
         f"{name}: node {node_id} was booted again",
         node=node_id,
         observed=f"nothing is enabled; {homing}; overrides, couplings and queued commands have ended",
-        remedy="reset it: axis.reset(); then enable it"
-        + ("" if confirmed else ", and home it if it needs that"),
+        remedy="reset it: axis.reset(); then enable it" + ("" if confirmed else ", and home it if necessary"),
     )

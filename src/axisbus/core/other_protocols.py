@@ -1,4 +1,4 @@
-"""The nodes of a cell that use another protocol than CANopen, on the channel of the core, by the part of a drive plug-in.
+"""The nodes of a cell that use a protocol other than CANopen, on the channel of the core, by the part of a drive plug-in.
 
 A plug-in names a ``CorePart`` in the ``parts`` of its ``Extension``. It is loaded only for a cell that names one of the plug-in's
 protocols, or its interface.
@@ -69,7 +69,7 @@ class SimulatedGuest(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class CorePart:
-    """What a plug-in does with the nodes of its protocols.
+    """The actions of a plug-in for the nodes of its protocols.
 
     ``nodes`` begins to listen to them. ``stop`` stops those of their axes that have one of these names, without the scan, and
     blocks until standstill; ``holding`` are the axes whose stop leaves them enabled. ``simulated`` makes the simulated nodes of

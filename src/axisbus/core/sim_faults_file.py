@@ -3,7 +3,7 @@
 Theory of operation
 -------------------
 Each table has its own name, and contains the drive (``axis`` or ``node``), the time (``begin`` or ``when``), the duration, and the
-fault: a fault code, a restart, another specimen in the drive's place (``swap``), or fault settings by their names. It is read as a
+fault: a fault code, a restart, a replacement of the drive (``swap``), or fault settings by their names. It is read as a
 cell file is, and never stops at one problem.
 """
 

@@ -51,7 +51,7 @@ class SimulatedNode:
         software_version: str | None = None,
         product_code: int | None = None,
     ) -> None:
-        """Put another specimen with factory parameters in the place of the drive; it boots if it has a supply.
+        """Replace the drive by another one of the same type with factory parameters; it boots if it has a supply.
 
         ``node_id`` 1 to 127 is its own; 255: it has none, and answers LSS only; None: that of the drive before it. ``revision`` and
         ``product_code`` (1018h) and ``software_version`` (100Ah) are those of the EDS if they are None.

@@ -17,7 +17,7 @@ ABOUT: Mapping[str, str] = {
     "product_codes": "1018h:02 of its drives (default: any).",
     "revisions": "1018h:03 of its drives (default: any).",
     "eds_files": "EDS files of its drives for axisbus init; paths relative to this file.",
-    "calibration_objects": "Objects that belong to one specimen, or start a calibration: written only if the user names them.",
+    "calibration_objects": "Objects with values of one drive alone, or that calibrate it: written only if the user names them.",
     "scale_proposal": "A text about the position scale, for a first cell file.",
     "unread_watchdog": "A sentence about a watchdog that no object reads, for the report of boot-up.",
     "notes": "Texts for a first cell file: what a user must know about these drives.",

@@ -1,4 +1,4 @@
-"""Emergency messages, incidents and error histories as text: by CiA 301 and CiA 402, and by the drive plug-in's table."""
+"""Emergency messages, incidents and error histories as text: from CiA 301, CiA 402 and the drive plug-in's table."""
 
 from __future__ import annotations
 

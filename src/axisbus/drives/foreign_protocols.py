@@ -1,4 +1,4 @@
-"""Devices on a bus that use another protocol than CANopen, recognised by the drive plug-ins that know the protocols.
+"""Devices on a bus that use a protocol other than CANopen, recognised by the drive plug-ins that know the protocols.
 
 A plug-in names the class of its ``ProtocolDetector`` as ``detector`` in the ``parts`` of its ``Extension``.
 """

@@ -141,7 +141,8 @@ AXIS_KEYS = (
 
 @dataclass(frozen=True, slots=True)
 class Extension:
-    """What the code of a make adds to axisbus beside facts; code is named ``module:name``, and loaded when it is needed.
+    """The parts that the code of a make adds to axisbus, in addition to facts; code is named ``module:name``, and loaded when it is
+    needed.
 
     ``protocols`` are those other than CANopen: the word for each in ``[nodes.N]``, and its name in messages. ``interfaces`` are
     words of ``[bus]``, each with its class of a bus of python-can. ``parts`` extend a package of axisbus, by its name: ``cell``
@@ -167,12 +168,12 @@ class DrivePlugin:
     ``vendor_id`` is 1018h:01; ``product_codes`` are values of 1018h:02 and ``revisions`` of 1018h:03 (None: any). ``eds_files`` are
     paths of EDS files of the family, for ``axisbus init``. ``fault_objects`` are the objects to read when the drive is in fault, if
     it has them; ``explain(code, details)`` turns 603Fh and their values into sentences. ``calibration_objects`` are objects that
-    belong to one specimen, or whose writing moves the motor for a calibration (sub-index None: the whole object); they are written
-    only if the user names them one by one. ``node_id``: how an SDO sets the node-ID, which is protected, too; None: only LSS or
-    switches do. ``scale_proposal`` is a text for the user: the position scale is a setting, never taken
-    from here. ``measured`` maps *temperature* and the like to the manufacturer's objects. ``unread_watchdog`` is a sentence about a
-    watchdog of the make that no object reads, for the report of boot-up. ``sources`` are the documents that the facts come from.
-    ``extension``: its other protocols.
+    belong to one individual drive, or whose writing moves the motor for a calibration (sub-index None: the whole object); they are
+    written only if the user names them one by one. ``node_id``: how an SDO sets the node-ID (protected, too); None: only LSS or
+    switches do. ``scale_proposal`` is a text for the user: the position scale is a setting, never taken from here. ``measured``
+    maps *temperature* and the like to the manufacturer's objects. ``unread_watchdog`` is a sentence about a watchdog of the make
+    that no object reads, for the report of boot-up. ``sources`` are the documents that the facts come from. ``extension``: its
+    other protocols.
     """
 
     name: str

@@ -56,7 +56,7 @@ class PluginSource:
 
     @property
     def extensions(self) -> tuple[Extension, ...]:
-        """What the plug-ins add beside facts."""
+        """The parts that plug-ins add, in addition to facts."""
         return (
             tuple(plugin.extension for plugin in self.loaded)
             if self.about is None
@@ -65,7 +65,7 @@ class PluginSource:
 
 
 class DriveIdentity(Protocol):
-    """What a drive is by 1018h:01 to 03, as an EDS or the drive itself gives it; None: unknown."""
+    """The identity of a drive (1018h:01 to 03), as given by an EDS or the drive itself; None: unknown."""
 
     @property
     def vendor_id(self) -> int | None: ...

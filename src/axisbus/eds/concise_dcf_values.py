@@ -194,7 +194,7 @@ def parameters(eds: Eds, writes: Iterable[ConciseWrite]) -> list[tuple[Variable,
 
     Raises:
         ArgumentError: the file has no such entry.
-        EdsError: a write has another size than the entry's type.
+        EdsError: the size of a write differs from the entry's type.
     """
     last = {(write.index, write.subindex): write.data for write in writes}
     return [(variable := assign.at(eds, *key), _text(eds, variable, data)) for key, data in last.items()]

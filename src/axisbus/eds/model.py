@@ -293,8 +293,8 @@ class Module:
 class DynamicChannel:
     """One segment of [DynamicChannels] (CiA 302, CiA 405): objects for network variables that a program makes at run time.
 
-    ``indices`` are those of the segment, ``offset`` is the position of the first in the process image, and ``step`` the distance of
-    two neighbours there, if the file gives it.
+    ``indices`` are the indices of its objects. ``offset`` is the position of the first object in the process image, and ``step``
+    the distance between two objects there, if the file gives it.
     """
 
     data_type: DataType

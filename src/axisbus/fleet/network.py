@@ -53,7 +53,7 @@ def require_zenoh() -> None:
     """Check that the package is installed.
 
     Raises:
-        StateError: it is not.
+        StateError: it is not installed.
     """
     require("zenoh", "a Zenoh network needs eclipse-zenoh", "zenoh")
 

@@ -90,7 +90,7 @@ class MessageStream:
         self._line.shutdown(socket.SHUT_RDWR)
 
     def say_no_more(self) -> None:
-        """Tell the far end that nothing more is sent; its messages can still be read until it closes."""
+        """Notify the far end that nothing more is sent; its messages can still be read until it closes."""
         self._line.shutdown(socket.SHUT_WR)
 
     def finish(self) -> None:

@@ -108,7 +108,7 @@ class BusMonitor:
 
     @property
     def foreign(self) -> ForeignProtocols:
-        """The nodes that use another protocol than CANopen."""
+        """The nodes that use a protocol other than CANopen."""
         return self._decoder.foreign
 
     def take_news(self) -> list[Decoded]:

@@ -196,5 +196,5 @@ def _require_room(parameters: AxisParameters, distance: int, ticket: CommandStat
         raise LimitError(
             f"{ticket.name}: would end beyond the position limits from every start position",
             observed=f"{limits[0]:g} and {limits[1]:g} {scale.unit} are less than {way:g} {scale.unit} apart",
-            remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
+            remedy=f"command a shorter move, or change position_limits in [axes.{parameters.name}] of cell.toml",
         )

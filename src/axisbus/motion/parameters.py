@@ -44,7 +44,7 @@ class FeedForward:
 
 
 class HoldsLoad(Enum):
-    """What holds the load of a vertical axis: nothing (not needed), the drive's brake, or only the motor's torque."""
+    """The holding of a vertical axis's load: nothing (not needed), the drive's brake, or only the motor's torque."""
 
     NO = "no"
     BRAKE = "brake"

@@ -86,7 +86,7 @@ class SetPointUpdate:
         """Return True in the cycle from which the set-point must be given again, None if the move continues, False if it waits.
 
         Raises:
-            DriveError: the drive does not take the velocity.
+            DriveError: the drive does not accept the velocity.
             StateError: its halt would let the motor coast.
         """
         wanted = image.override

@@ -35,7 +35,7 @@ COLUMNS = (
         "following_error", "position", "number", "demand, or target of a cyclic position mode, minus position"
     ),
     Column("state", "", "string", "state of the axis, by PLCopen"),
-    Column("power", "", "string", "state of the power stage, by CiA 402"),
+    Column("power", "", "string", "state of the power stage (CiA 402)"),
     Column("mode", "", "string", "mode of operation that the drive shows (6061h)"),
     Column("statusword", "", "integer", "statusword (6041h)"),
     Column("homed", "", "boolean", "whether the zero of the axis is known"),

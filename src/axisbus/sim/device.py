@@ -166,7 +166,7 @@ class Device:
         software_version: str | None = None,
         product_code: int | None = None,
     ) -> None:
-        """Put another specimen with factory parameters in this one's place; it boots if there is a supply.
+        """Replace this drive by another one of the same type with factory parameters; it boots if there is a supply.
 
         ``node_id``: its stored one; 255: it waits for one by LSS; None: as set by switches, that of the present one. Other numbers
         and texts that are None are those of the EDS.

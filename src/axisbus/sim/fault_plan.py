@@ -27,8 +27,8 @@ class PlannedFault:
     """A fault by its user-defined name; ``said`` is its description in reports.
 
     ``axis`` counts from 1. ``code``: the drive goes into fault with this code (603Fh) and the manufacturer's bits ``maker_bits``
-    (0: no fault). ``restart``: the node restarts, as after a short loss of its supply. ``swap``: another specimen takes the place
-    of the drive, with these arguments of ``Device.swap``.
+    (0: no fault). ``restart``: the node restarts, as after a short loss of its supply. ``swap``: another drive of the same type
+    takes the place of the drive, with these arguments of ``Device.swap``.
     """
 
     name: str

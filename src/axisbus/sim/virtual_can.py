@@ -42,7 +42,7 @@ BITRATE = 1_000_000
 
 
 class FrameTaker(Protocol):
-    """What an adapter passes its frames to: a ``bus.link.channel.Channel``."""
+    """The receiver of an adapter's frames: a ``bus.link.channel.Channel``."""
 
     def take_frame(self, can_id: int, data: bytes) -> None:
         """Take a received data frame with an 11-bit identifier."""
@@ -124,7 +124,7 @@ class VirtualAdapter(_Sender):
 
     @property
     def taker(self) -> FrameTaker | None:
-        """What takes its frames."""
+        """The receiver of its frames."""
         return self._taker
 
     @property

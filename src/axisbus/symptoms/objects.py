@@ -42,7 +42,7 @@ SYMPTOMS = (
     ),
     Symptom(
         name="wrong-program",
-        title="A node has another program than expected",
+        title="A node does not have the expected program",
         seen="The cell file defines the program (firmware) of the node (`[nodes.N.program]`). The node has another "
         "program that must not be replaced, or the download failed. If a download is interrupted, the node remains in "
         "its boot loader.",
@@ -115,7 +115,7 @@ SYMPTOMS = (
     Symptom(
         name="pdo-mapping",
         title="Process data does not fit",
-        seen="A PDO cannot be mapped as requested, or a received PDO has another length than its mapping.",
+        seen="A PDO cannot be mapped as requested, or the length of a received PDO differs from its mapping.",
         checks=(
             "A PDO holds 8 bytes. `axisbus boot CELL` shows which values are in which PDO, and `axisbus plan CELL` the "
             "resulting load of the bus.",

@@ -35,7 +35,7 @@ class Symptom:
 
 @dataclass(frozen=True, slots=True)
 class SymptomNote:
-    """What the plug-in of a make adds to the page of a symptom.
+    """The addition of a make's plug-in to the page of a symptom.
 
     Attributes:
         make: the name of the drive.

@@ -1,1 +1,1 @@
-"""What differs between Linux, macOS and Windows: one module for each need, which every system can import."""
+"""The differences between Linux, macOS and Windows: one module for each need, which every system can import."""

@@ -38,7 +38,7 @@ class KnownNode:
 
 
 class OtherNode(NamedTuple):
-    """A node of another protocol than CANopen, and the names of its axes."""
+    """A node with a protocol other than CANopen, and the names of its axes."""
 
     protocol: str
     name: str

@@ -1,4 +1,4 @@
-"""Frames of nodes that use another protocol than CANopen, as text: the part of a drive plug-in that decodes them.
+"""Frames of nodes that use a protocol other than CANopen, as text: the part of a drive plug-in that decodes them.
 
 A plug-in names a ``TracePart`` in the ``parts`` of its ``Extension``.
 """
@@ -33,7 +33,7 @@ class NodeDecoder(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TracePart:
-    """What a plug-in knows about frames: ``decoder`` of the nodes with these IDs, ``heartbeat``: the identifier of a node's."""
+    """The frames that a plug-in knows: ``decoder`` of the nodes with these IDs, ``heartbeat``: the identifier of a node's."""
 
     decoder: Callable[[Collection[int]], NodeDecoder]
     heartbeat: Callable[[int], int]

@@ -289,9 +289,7 @@ class SdoChannelDecoder:
         write = transfer.write if transfer is not None else False
         problem = ""
         if transfer is not None and place not in ((transfer.index, transfer.subindex), (0, 0)):
-            problem = (
-                f"it names another object than the transfer of {transfer.index:04X}h:{transfer.subindex:02X}"
-            )
+            problem = f"its object is not that of the transfer, {transfer.index:04X}h:{transfer.subindex:02X}"
         return TransferText(DecodedSdo("aborted", write, abort=code), place, problem=problem)
 
     def _expect(self, write: bool, *phases: TransferPhase) -> TracedTransfer | None:
@@ -309,9 +307,7 @@ class SdoChannelDecoder:
         if transfer is None:
             return "nothing was asked" if self._seen else ""
         if (transfer.index, transfer.subindex) != place:
-            return (
-                f"it answers another object than was asked for, {transfer.index:04X}h:{transfer.subindex:02X}"
-            )
+            return f"its object is not the requested one, {transfer.index:04X}h:{transfer.subindex:02X}"
         if transfer.write is not write:
             return f"a {'write' if transfer.write else 'read'} was asked for"
         return ""

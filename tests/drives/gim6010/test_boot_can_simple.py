@@ -77,7 +77,7 @@ def test_a_firmware_that_its_endpoints_report_is_compared():
     identity.require_firmware(listening, facts, "0.5.13")
     identity.require_firmware(listening, facts, None)
     told = refused(identity.require_firmware, listening, facts, "0.5.14")
-    assert "another firmware than 0.5.14" in told
+    assert "a firmware other than 0.5.14" in told
     assert "it reports 0.5.13" in told
 
 

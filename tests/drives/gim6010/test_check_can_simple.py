@@ -86,7 +86,7 @@ def test_a_limit_is_checked_as_that_of_any_drive(tmp_path):
     ],
 )
 def test_a_module_without_detection_of_a_dead_master_is_a_warning(tmp_path, bus, worse):
-    (found,) = told(write(tmp_path, bus), "is known to detect a dead master")
+    (found,) = told(write(tmp_path, bus), "is known to detect the loss of the master")
     assert found.split(":")[2].strip() == "warning"
     assert ("nothing stops it when this program is killed" in found) is worse
 
@@ -119,7 +119,11 @@ def test_the_frames_of_a_module_are_in_the_load_and_in_the_timetable(tmp_path):
     [
         ("endpoints_0.5.13.json", None, "cannot be read"),
         ("endpoints_0.5.13.json", "{", "is not JSON"),
-        ("endpoints_0.5.11.json", "[]", "for firmware 0.5.11 by its name, and the node must have 0.5.13"),
+        (
+            "endpoints_0.5.11.json",
+            "[]",
+            "for firmware 0.5.11 according to its name, but the node must have 0.5.13",
+        ),
         ("endpoints.json", "[]", ""),
     ],
 )

@@ -63,7 +63,7 @@ def test_parameters_are_read_written_and_saved(over):
     assert (over.value(RAMP), over.restarts) == (50.0, 0)
     code, out, _ = over("params", "set", f"{RAMP}=40", *LIST, "--save")
     assert (code, over.value(RAMP), over.restarts) == (0, 40.0, 1)
-    assert "restarted, and has all of it" in out
+    assert "restarted, and has all written values" in out
     values = json.loads(over("params", "dump", "axis0.controller.config", *LIST, "--json").out)
     assert values[RAMP] == 40.0
     code, _, err = over("params", "set", "axis0.requested_state=8", *LIST)

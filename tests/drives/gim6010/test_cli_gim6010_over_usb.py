@@ -44,7 +44,7 @@ def test_parameters_are_read_written_and_saved_without_a_list(over, module):
     assert (module.usb_read(RAMP), module.restarts) == (50.0, 0)
     code, out, err = over("params", "set", f"{RAMP}=40", "--save")
     assert (code, module.usb_read(RAMP), module.restarts) == (0, 40.0, 1), err
-    assert f"module {SERIAL:X}h restarted, and has all of it" in out
+    assert f"module {SERIAL:X}h restarted, and has all written values" in out
 
 
 def test_a_dump_over_usb_has_all_parameters_also_those_of_64_bits(over, module):

@@ -101,7 +101,7 @@ def test_a_list_is_refused_that_does_not_fit(params, folder):
         assert (code, "--made-for" in err) == (2, True)
         assert params("get", LIMIT, "--made-for", "0.6.0", channel=channel, listed="list.json").code == 0
         code, _, err = params("get", LIMIT, "--made-for", "0.6.0", channel=channel)
-        assert (code, "by its name" in err) == (2, True)
+        assert (code, "according to its name" in err) == (2, True)
 
 
 def test_invalid_arguments_are_refused_before_the_bus_is_opened(params):

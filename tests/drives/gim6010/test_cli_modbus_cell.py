@@ -105,7 +105,7 @@ def cell(monkeypatch, capsys, tmp_path):
 def test_it_is_checked_booted_and_moved(cell):
     code, out, err = cell("check")
     assert code in (0, 1), err
-    assert "no function of its module is known to detect a dead master" in out + err
+    assert "no function of its module is known to detect the loss of the master" in out + err
     code, out, err = cell("boot")
     assert code == 0, err
     assert "registers, read one after the other" in out

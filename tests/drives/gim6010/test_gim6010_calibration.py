@@ -63,7 +63,7 @@ def test_a_calibration_is_commanded_once_and_observed_until_its_end(kind, number
     assert max(each.position for each in one.plant) == pytest.approx(turns, abs=0.05)
     assert abs(one.module.position) < 0.02
     assert (one.module.energised, found.confirmed, found.why) == (False, True, "")
-    assert "idle by its heartbeat" in found.left
+    assert "idle according to its heartbeat" in found.left
     assert {each.command for each in sent} == {SET_STATE, COUNT, GET_ERROR}
     one.must_be_smooth()
 
@@ -210,7 +210,7 @@ def test_interrupted_at_any_moment_it_ends_idle(moment, more, kind):
         begun = kind.value in states(sent)
         assert states(sent).count(kind.value) == begun
         assert (ESTOP in [each.command for each in sent]) <= (begun and more > 0)
-        assert ("idle by its heartbeat" in found.left) == begun
+        assert ("idle according to its heartbeat" in found.left) == begun
     else:
         assert found.verdict.good
 

@@ -62,7 +62,7 @@ def test_a_loop_commands_the_module_and_the_end_of_the_block_switches_it_off():
             control.command((0.0, 0.0, 0.0, 1.0, 0.0))
         with pytest.raises(StateError, match="under MIT control already"):
             control.enable()
-        assert "idle by its heartbeat" in control.stop()
+        assert "idle according to its heartbeat" in control.stop()
         assert not control.is_active
         assert control.stop() == control._leader.left
     assert module.axis.error == 0
@@ -105,7 +105,7 @@ def test_an_exception_of_the_program_switches_the_module_off_and_reports_its_fin
     module = Module(5)
     with pytest.raises(ZeroDivisionError) as caught:
         lead(module, fail)
-    assert any("idle by its heartbeat" in note for note in caught.value.__notes__)
+    assert any("idle according to its heartbeat" in note for note in caught.value.__notes__)
     assert not module.energised
 
 

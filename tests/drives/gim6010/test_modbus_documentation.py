@@ -30,7 +30,7 @@ def test_no_cell_breaks_its_row():
 
 def test_that_nothing_notices_a_dead_master_is_on_the_page_and_reported_by_boot():
     page = " ".join(text_of(PAGE).split())
-    assert "**Nothing in a module is known to notice a dead master over Modbus.**" in page
+    assert "**No known function of a module detects the loss of the master over Modbus.**" in page
     assert "a velocity or a torque continues and a position is held" in page
     boot = watchdog_of(Armed(), None, relayed=True)
     assert boot.kind is Watchdog.NONE

@@ -106,7 +106,7 @@ def test_a_module_without_can_or_at_another_bit_rate_is_silent(bench):
     assert other.heard == other.send(0xA9, remote=True) == []
 
 
-# -- detection of a dead master ---------------------------------------------------------------------------------------------------
+# -- detection of the loss of the master ------------------------------------------------------------------------------------------
 
 
 def test_a_break_timeout_latches_and_closed_loop_is_then_refused_in_silence(bench):

@@ -16,9 +16,9 @@ class OpenPoint:
 
 NOTES = (
     OpenPoint(
-        "a dead master",
+        "the loss of the master",
         "no register of 4.3 monitors the master",
-        "NOTHING in the module is known to detect a dead master over Modbus: a velocity or a torque continues, a position "
+        "NOTHING in the module is known to detect the loss of the master over Modbus: a velocity or a torque continues, a position "
         "is held. `axisbus check` and `axisbus boot` report this",
     ),
     OpenPoint(

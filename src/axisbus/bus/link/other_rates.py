@@ -1,6 +1,6 @@
 """Find the bit rate of a bus by listening, only with an adapter in listen-only mode.
 
-A controller with another rate than the bus takes every frame for an error. In normal mode it signals that, which destroys all
+A controller at a wrong bit rate takes every frame for an error. In normal mode it signals that, which destroys all
 frames; in listen-only mode it cannot. But then it does not acknowledge frames either, and a frame that no node acknowledges is not
 valid. A node that is alone with the adapter can therefore not be found.
 """

@@ -270,7 +270,7 @@ def _shortened(command: str) -> str:
 
 
 def command_of(text: str) -> str:
-    """Return the command in a text of ``described``, without folders and process-specific parts; "ended" if there is none."""
+    """Return the command from a text of ``described``, without folders and process-specific parts; "ended" if the text has none."""
     found = _DESCRIBED.fullmatch(text)
     return "ended" if found is None else " ".join(PurePath(word).name for word in found[1].split())
 

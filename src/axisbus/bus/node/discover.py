@@ -63,7 +63,7 @@ def scan(
     """Find the nodes among ``ids``; blocks ``listen`` seconds, and up to 1.2 s more for details (under 3 s for 127 IDs).
 
     Call this before nodes are opened on the channel, because it uses their SDO servers. ``listening`` receives every frame
-    meanwhile, and afterwards knows the devices that use another protocol than CANopen.
+    meanwhile, and afterwards knows the devices that use a protocol other than CANopen.
 
     Raises:
         AdapterError: the channel failed, or no node acknowledges its frames.

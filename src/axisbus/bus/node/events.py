@@ -28,7 +28,7 @@ class NodeEventKind(Enum):
     UNANSWERED = "is lost: it does not answer node guarding"
     BACK = "is heard again"
     BOOT_UP = "sent an unexpected boot-up message: it has restarted, or a second device has its node-ID"
-    STATE = "is in another NMT state than operational"
+    STATE = "is in an NMT state other than operational"
     UNKNOWN = "is unknown: the CAN controller went bus-off"
     OPERATIONAL = "is operational again"
     DUPLICATE = "shares its node-ID with a second device"

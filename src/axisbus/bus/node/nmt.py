@@ -375,7 +375,7 @@ def _serves_sdo(state: NmtState) -> bool:
 
 
 def not_obeyed(node_id: int, wanted: NmtCommand, state: NmtState, seen: str) -> NodeRefused:
-    """Return the error of a node that reports another state than the commanded one."""
+    """Return the error of a node that reports a state other than the commanded one."""
     return NodeRefused(
         f"node {node_id} does not execute the NMT command {_name(wanted)!r}: it answers, and is {state.text}",
         node=node_id,

@@ -63,7 +63,7 @@ class NodeReaction:
 
     @property
     def disobeyed(self) -> bool:
-        """Whether the node shows another state than the commanded one."""
+        """Whether the node shows a state other than the commanded one."""
         return not self.ok and self.state is not None
 
     @property

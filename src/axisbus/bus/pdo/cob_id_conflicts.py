@@ -38,7 +38,7 @@ class PdoUse(NamedTuple):
 
     @property
     def consumes(self) -> bool:
-        """Whether another device than the master may produce it."""
+        """Whether a device other than the master may produce it."""
         return self.receive and not self.used
 
     def conflicts(self, other: PdoUse) -> bool:

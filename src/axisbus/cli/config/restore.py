@@ -274,14 +274,16 @@ def _show_memory(found: dict[str, Any], report: RestoreReport) -> None:
     stored = found.get("stored")
     if stored is not None:
         restart = "it restarted, and " if stored["restarted"] else ""
-        say(f"stored by 1010h in {stored['seconds']:.1f} s; {restart}all was read again")
+        say(f"stored by 1010h in {stored['seconds']:.1f} s; {restart}all values were read again")
     elif found["in_ram_only"] and found.get("cannot_store"):
         say(f"the written values are in RAM: {found['cannot_store']}")
     elif found["in_ram_only"]:
         say("the written values are in RAM only, and are lost at the next power-off")
         say_next(f"store it: axisbus config restore {found['file']} {found['node']} ... --store")
     if not report.ok and stored is None and "cut_off" not in found:
-        say_next("correct the failed objects in the file, or leave them out with --exclude, and run it again")
+        say_next(
+            "correct the failed objects in the file, or leave them out with --exclude, and run the command again"
+        )
 
 
 def _change(each: Result) -> str:

@@ -38,7 +38,7 @@ def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -
         return frozenset(map(Severity, words)) or frozenset(Severity)
     except ValueError:
         raise click.BadParameter(
-            f"give {', '.join(one.value for one in Severity)}, with commas between several"
+            f"give {', '.join(one.value for one in Severity)}, separated by commas"
         ) from None
 
 
@@ -48,7 +48,7 @@ def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -
     "--select",
     multiple=True,
     metavar="IDS",
-    help="Apply only these rules: V003, or V for all rules of V; commas between several.",
+    help="Apply only these rules: V003, or V for all rules of V; separated by commas.",
 )
 @click.option(
     "--ignore",
@@ -69,7 +69,7 @@ def _severities(_: click.Context, __: click.Parameter, given: tuple[str, ...]) -
     multiple=True,
     metavar="WORDS",
     callback=_severities,
-    help="Show only these: error, warning, note; commas between several. --json and --sarif always have all.",
+    help="Show only findings of these severities: error, warning, note; separated by commas. --json and --sarif always have all.",
 )
 @click.option("--all", "each", is_flag=True, help="Show every finding, not only the first ones of each rule.")
 @click.option(
@@ -89,7 +89,7 @@ def command(
     shown: frozenset[Severity], each: bool, as_lines: bool, as_json: bool, as_sarif: bool,
     explain: str | None, as_list: bool,
 ) -> int:  # fmt: skip
-    """Check FILES (EDS, DCF, builtin:NAME, or patterns such as 'eds/*.eds') by CiA DS 306, CiA 301 and CiA 402.
+    """Check FILES (EDS, DCF, builtin:NAME, or patterns such as 'eds/*.eds') according to CiA DS 306, CiA 301 and CiA 402.
 
     An error makes a tool or the device fail, a warning deviates from the standard, a note is useful to know. For each file, the
     report lists the broken rules, with the number of findings, the remedy, and line and column of the first findings. --all

@@ -35,7 +35,7 @@ def command(
     cell: Path | None,
     axis: str | None,
 ) -> int:
-    """Write a Python module of the objects of FILE (an EDS, a DCF or builtin:NAME): typed constants and enumerations.
+    """Write a Python module for the objects of FILE (an EDS, a DCF or builtin:NAME): typed constants and enumerations.
 
     Writes to standard output, or with -o to a file. The module does not import axisbus; the same file gives the same text. With
     --node, defaults are those for this node ID. With --c, it writes a header for C99 and C++: the location and type of each

@@ -152,7 +152,7 @@ def inquire_command(where: Where, as_json: bool, choice: SlaveChoice) -> int:
 @click.option(
     "--reset",
     is_flag=True,
-    help="If the slave has a node-ID, or does not boot, reset its communication, so that it takes the new one.",
+    help="If the slave has a node-ID, or does not boot, reset its communication, so that it uses the new one.",
 )
 def set_node_id_command(
     node_id: int,

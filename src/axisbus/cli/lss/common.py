@@ -132,7 +132,7 @@ class SlaveChoice:
         """Check that a slave is selected in exactly one form, before the bus is opened.
 
         Raises:
-            UsageError: it is not.
+            UsageError: no form, or more than one, is given.
             ArgumentError: a number is out of range.
         """
         from axisbus.cia305.services import LssAddress

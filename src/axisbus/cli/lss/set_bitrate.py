@@ -27,12 +27,15 @@ A node without LSS must be set by its switches or its own tool."""
 @lss_options
 @slave_option(multiple=True)
 @click.option(
-    "--all", "everybody", is_flag=True, help="Address every LSS slave at once (a refusal may not be noticed)."
+    "--all",
+    "everybody",
+    is_flag=True,
+    help="Address all LSS slaves at once (the master may not detect a refusal).",
 )
 @click.option(
     "--activate",
     is_flag=True,
-    help="Change over now, all together (otherwise at the next power-up, if stored).",
+    help="Switch all slaves to the new rate now (otherwise at the next power-up, if it is stored).",
 )
 @click.option(
     "--delay",
@@ -142,7 +145,7 @@ def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
         say(
             "type, in this order:"
             if done.commands
-            else "set the rate of this master's adapter: on the computer of the link, or by timing among the options"
+            else "set the rate of this master's adapter: on the computer of the link, or with the option timing of the adapter"
         )
         for line in done.commands:
             say(f"  {line}")

@@ -41,10 +41,18 @@ _LOOK = 0.2  # seconds
     "'x.state = ErrorStop', fault, 'part = true' (an input or output), x.probe (its touch probe latches an edge).",
 )
 @click.option(
-    "--before", type=Seconds(0.0), default=0.5, show_default=True, help="With --when: seconds before it."
+    "--before",
+    type=Seconds(0.0),
+    default=0.5,
+    show_default=True,
+    help="With --when: seconds to record before the moment.",
 )
 @click.option(
-    "--after", type=Seconds(0.0), default=1.5, show_default=True, help="With --when: seconds after it."
+    "--after",
+    type=Seconds(0.0),
+    default=1.5,
+    show_default=True,
+    help="With --when: seconds to record after the moment.",
 )
 @beside_option
 def command(

@@ -245,7 +245,7 @@ def unanswered(what: str, seconds: float) -> ScanError:
     """Return the error of an action that a core has not done in time, although its connection has not ended."""
     return ScanError(
         f"{what}, and the core of this machine has not answered for {seconds:.0f} s",
-        observed="its process hangs, or the computer does not run it; the state of the drives is not known",
+        observed="its process hangs or gets no processor time; the state of the drives is not known",
         remedy=_MAKE_SURE,
     )
 

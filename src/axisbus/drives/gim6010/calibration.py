@@ -324,7 +324,10 @@ class Calibration(ModuleMotionProcedure):
         elif not self._to_read:
             errors = reported_errors(last, self._words)
             self.verdict = judge(self.kind, self._seen, errors, self.turned, words_told=bool(self._words))
-            self.left, self.stage = f"module {self.node} is idle by its heartbeat", ModuleMotionStage.DONE
+            self.left, self.stage = (
+                f"module {self.node} is idle according to its heartbeat",
+                ModuleMotionStage.DONE,
+            )
         elif not now - self._asked < _WORD:
             return self._ask_word(now)
         return None

@@ -327,7 +327,7 @@ def in_place(case: CheckContext) -> Problems:
 
 
 def dangers(case: CheckContext) -> Problems:
-    """Warn that the motor coasts without power, and that nothing on a module notices a dead master."""
+    """Warn that the motor coasts without power, and that nothing on a module detects the loss of the master."""
     bus = case.cell.bus
     for drive in _drives(case):
         name, line = drive.axis.name, drive.node.at.line
@@ -342,7 +342,7 @@ def dangers(case: CheckContext) -> Problems:
         stops = "if the core has its own process, it stops the axis when the program or the core dies"
         yield case.warning(
             line,
-            f"axis {name}: no function of its module is known to detect a dead master"
+            f"axis {name}: no function of its module is known to detect the loss of the master"
             + (
                 ""
                 if own or bus.interface in _NO_WIRE

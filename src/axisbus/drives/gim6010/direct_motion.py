@@ -229,7 +229,9 @@ class PowerOff:
             self._start, self._last = now, now - _AGAIN
         if self._is_idle(self._start):
             after = "ESTOP, whose error latches until it is cleared" if self._estop else "idle was sent"
-            self._end(f"module {self._pulse.node} is idle by its heartbeat, after {after}", confirmed=True)
+            self._end(
+                f"module {self._pulse.node} is idle according to its heartbeat, after {after}", confirmed=True
+            )
         elif now - self._start > RUNG + 2.0 * self._pulse.period:
             self._late(now)
         elif not now - self._last < _AGAIN - 1e-9:

@@ -37,7 +37,7 @@ GIM6010 = DrivePlugin(
     measured={"temperature": MeasuredObject(0x200B, 2, 0.1)},  # the motor's, in 0.1 °C
     notes=(
         "its 6502h (0x761) does not agree with CiA 402: judge a mode by 6061h",
-        "its protection against a dead master is off from the factory",
+        "its protection against the loss of the master is off from the factory",
         "its multi-turn position may be off by a part of a turn after power-up: home it, or confirm the position",
     ),
 )

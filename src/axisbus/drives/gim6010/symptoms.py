@@ -1,4 +1,4 @@
-"""What the pages of symptoms say about a GIM6010-8, by the name of the page."""
+"""The notes on a GIM6010-8 for the pages of symptoms, by the name of the page."""
 
 from __future__ import annotations
 

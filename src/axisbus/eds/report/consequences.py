@@ -44,7 +44,7 @@ _OPTIONS = {(option.index, option.subindex): option for option in options.ALL}
 _DEFAULTS = {
     cia301.DEVICE_TYPE: "another kind of device or another profile",
     cia301.COB_ID_EMCY: "emergency messages come under another identifier",
-    cia301.CONSUMER_HEARTBEAT: "whether, and how soon, the drive notices a dead master",
+    cia301.CONSUMER_HEARTBEAT: "whether, and how soon, the drive detects the loss of the master",
     cia301.PRODUCER_HEARTBEAT: "how soon the master notices a dead drive",
     cia301.GUARD_TIME: "how node guarding is armed",
     cia301.LIFE_TIME_FACTOR: "how node guarding is armed",

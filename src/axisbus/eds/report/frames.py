@@ -173,7 +173,7 @@ def _limits(slot: PdoSlot, node_id: int) -> tuple[float | None, float | None]:
 
 
 def _unit(eds: Eds, slot: PdoSlot, node_id: int) -> str:
-    """Return the unit of one count: by CiA 402 if it is defined there, else the SI unit of the file (60A8h …)."""
+    """Return the unit of one count: from CiA 402 if it is defined there, else the SI unit of the file (60A8h …)."""
     index = first_axis(slot.mapped.index)
     if index in _UNITS:
         return _UNITS[index]

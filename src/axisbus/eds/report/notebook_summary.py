@@ -13,7 +13,7 @@ if TYPE_CHECKING:  # the model imports this module to display a file, so this mo
     from axisbus.eds.model import Eds
 
 _MANY = 5000  # objects: larger files are not searched for oddities here
-# The areas of an object dictionary, by CiA 301.
+# The areas of an object dictionary (CiA 301).
 _AREAS = (
     (range(0x1000, 0x2000), "communication, 1000h to 1FFFh"),
     (range(0x2000, 0x6000), "manufacturer-specific, 2000h to 5FFFh"),

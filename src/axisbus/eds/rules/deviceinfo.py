@@ -158,7 +158,9 @@ def unknown_baud_rates(sheet: RuleContext) -> Iterator[Hit]:
     for key in sheet.device.entries if sheet.device is not None else ():
         found = _RATE.match(key)
         if found and key not in known:
-            yield _at(sheet, key, f"a bit rate of {short(found[1]) or 'no number'} is not of CiA 301")
+            yield _at(
+                sheet, key, f"a bit rate of {short(found[1]) or 'no number'} is not a bit rate of CiA 301"
+            )
 
 
 def baud_rate_letters(sheet: RuleContext) -> Iterator[Hit]:

@@ -92,7 +92,7 @@ Key = tuple[str, str]  # names of an axis and a variable
 class AxisReadings:
     """Hold the followed machine (None: none runs), its last known values, and the measured temperatures.
 
-    ``machine`` and ``temperatures`` may be set in another thread than the one that calls ``look``.
+    ``machine`` and ``temperatures`` may be set in a thread other than the one that calls ``look``.
     """
 
     def __init__(self, cell: CellConfig) -> None:

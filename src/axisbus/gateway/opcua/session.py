@@ -135,7 +135,7 @@ class GuardedSession(MonitoringSession):
         return made
 
     def _crowd(self) -> list[Any] | None:
-        """Return the sessions of unnamed users if they have all their permitted subscriptions; None if one more is permitted."""
+        """Return the sessions of unnamed users if these use all permitted subscriptions; None if one more is permitted."""
         if self.is_named:
             return None
         theirs, every = self.iserver.nameless(self.name[0]), self.iserver.nameless()

@@ -150,7 +150,7 @@ class Sampling:
             raise LimitError(
                 f"the path needs more than {_MOST} samples",
                 observed=f"it has {counted(len(self._pieces), 'line or corner', 'lines and corners')}",
-                remedy="give it in parts, each waiting for the one before it (buffer=True), or give accuracy = ...; nothing "
+                remedy="give it in parts, each waiting for the previous part (buffer=True), or give accuracy = ...; nothing "
                 "has moved",
             )
 

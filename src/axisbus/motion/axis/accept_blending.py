@@ -150,7 +150,7 @@ def _hand_on(
             "the actual position (6064h) is unknown, so the passing of the end cannot be detected"
         )
     if abs(move.target - position) <= core.parameters.place_window:
-        return began_from_rest("it came after the end of the one before it")
+        return began_from_rest("it came after the end of the previous command")
     if (move.target - position) * (target - move.target) <= 0:
         return began_from_rest("the motion reverses there, or the move has no length")
     course, profile = move.course or CommandedMotion(), command.move.profile

@@ -236,7 +236,7 @@ def require_count(
     raise LimitError(
         f"{ticket.name}: would end beyond the drive's position range (607Ah, INTEGER32)",
         observed=f"at {units.to_units(target - origin):.10g} {units.unit}; the range of the drive is {low:.10g} to {high:.10g}",
-        remedy=f"move less far, or home {parameters.name} nearer to its working range; for an endless axis set modulo in "
+        remedy=f"command a shorter move, or home {parameters.name} nearer to its working range; for an endless axis set modulo in "
         f"[axes.{parameters.name}] of cell.toml",
     )
 
@@ -265,7 +265,7 @@ def require_within_limits(
     raise LimitError(
         f"{ticket.name}: would end beyond the position limits",
         observed=f"at {units.to_units(position):g} {units.unit}; the allowed range is {limits[0]:g} to {limits[1]:g}",
-        remedy=f"move less far, or change position_limits in [axes.{parameters.name}] of cell.toml",
+        remedy=f"command a shorter move, or change position_limits in [axes.{parameters.name}] of cell.toml",
     )
 
 

@@ -234,7 +234,7 @@ class AxisCore:
 
     @property
     def disobeyed(self) -> bool:
-        """Whether its drive still powers the motor in another state than the requested one; *quick stop active* does not count."""
+        """Whether its drive still powers the motor in a state other than the requested one; *quick stop active* does not count."""
         state, goal = self.image.state, self.order.goal
         drives = state in ENERGISED and state is not PowerState.QUICK_STOP_ACTIVE
         return self.touched and drives and goal is not None and goal is not state

@@ -321,7 +321,7 @@ class PendingOutputs:
         return now >= self._word_since + _ANSWERED * self._period
 
     def awaits_mode(self, shown: int | None, since: float) -> bool:
-        """Whether another mode than the one shown was requested at ``since`` or later."""
+        """Whether a mode other than the one shown was requested at ``since`` or later."""
         return self._mode is not None and self._mode != shown and self._mode_since >= since
 
     def mode_answered(self, now: float) -> bool:

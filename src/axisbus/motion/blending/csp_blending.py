@@ -88,7 +88,7 @@ class BlendedMoves(Follow):
         if self._addition is not None:
             return "a distance is being superimposed on the present motion"
         if self._course is not None and self._along >= self._course.duration - _TO_REST:
-            return "it came after the end of the one before it"
+            return "it came after the end of the previous command"
         return ""
 
     def join(self, part: BlendedCommand) -> None:

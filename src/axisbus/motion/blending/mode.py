@@ -40,7 +40,7 @@ def began_from_rest(why: str) -> str:
 
 def softer() -> str:
     """Return why a command is not blended if its limit of jerk needs a longer mean than the active moves have."""
-    return "its jerk limit takes longer than that of the moves before it, which the master streams"
+    return "its jerk limit needs a longer averaging time than the previous moves, which the master streams"
 
 
 def turned_back() -> str:
@@ -58,7 +58,7 @@ def passed_slower(speed: float, asked: float, unit: str) -> str:
 
 def brakes_harder() -> str:
     """Return the note of a command that brakes with a higher deceleration than requested."""
-    return "it is braked with the deceleration of the one before it: with its own the axis would have moved beyond its end"
+    return "it brakes with the deceleration of the previous move: with its own, the axis would have moved beyond its end"
 
 
 def narrower_corner() -> str:

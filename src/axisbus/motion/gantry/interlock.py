@@ -53,7 +53,7 @@ class Pairs:
             return None
         return StateError(
             f"{name}: {pair.first} and {pair.second} carry one beam and may only move together",
-            observed=f"they are [gantries.{pair.name}] of cell.toml, square with {pair.second} {pair.offset:g} farther",
+            observed=f"they are [gantries.{pair.name}] of cell.toml, square when {pair.second} is {pair.offset:g} farther",
             remedy=f"move the pair in a program (gantry {pair.name} of the machine); one of them alone, slowly, by its square",
         )
 

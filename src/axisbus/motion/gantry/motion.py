@@ -89,7 +89,7 @@ def ends_of_squaring(
         raise LimitError(
             f"{name}: the beam would be {abs(left):.6g} {watch.unit} out of square; {watch.bound:.6g} are allowed",
             observed=watch.places,
-            remedy="move it less far, or in the other direction",
+            remedy="command a shorter move, or a move in the other direction",
         )
     return ends
 

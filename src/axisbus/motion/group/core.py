@@ -220,7 +220,7 @@ class GroupCore:
         if (
             line.is_at_its_end or not undertaking.leads_all()
         ):  # it comes to rest, so there is no velocity to maintain
-            ticket.note = began_from_rest("it came after the end of the one before it")
+            ticket.note = began_from_rest("it came after the end of the previous command")
             self._move_along(replace(plain, buffer=True), ticket)
             return
         following = PathContinuation(command.way, command.velocity, takeover.mode, takeover.blend)

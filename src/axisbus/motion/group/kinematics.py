@@ -147,14 +147,14 @@ def _below(knees: list[tuple[float, float, float]], reach: float) -> tuple[float
     u = [b - a for a, b in zip(first, second, strict=True)]
     d = math.hypot(*u)
     if d < _SAME * reach:
-        raise ValueError("two arms end in one point")
+        raise ValueError("two arms end at one point")
     ex = [part / d for part in u]
     w = [b - a for a, b in zip(first, third, strict=True)]
     i = sum(a * b for a, b in zip(ex, w, strict=True))
     v = [b - i * a for a, b in zip(ex, w, strict=True)]
     j = math.hypot(*v)
     if j < _SAME * reach:
-        raise ValueError("the arms end in one line")
+        raise ValueError("the arms end on one line")
     ey = [part / j for part in v]
     ez = [ex[1] * ey[2] - ex[2] * ey[1], ex[2] * ey[0] - ex[0] * ey[2], ex[0] * ey[1] - ex[1] * ey[0]]
     along, up = 0.5 * d, (i * i + j * j - i * d) / (2.0 * j)

@@ -79,7 +79,7 @@ class JerkProfileWritten(SdoTransfers):
         """Return True when all transfers have succeeded.
 
         Raises:
-            DriveError: the drive refused a transfer, did not answer in time, or has another value than was written.
+            DriveError: the drive refused a transfer, did not answer in time, or has a value other than the written one.
         """
         if not self._plain.step(image, order):
             return False

@@ -105,7 +105,7 @@ class JerkLimitedMove(CspMove):
 
     @property
     def waits(self) -> bool:
-        """Whether it has not moved anything yet, and the axis was at standstill when it was commanded."""
+        """Whether it was commanded at standstill, and has moved nothing yet."""
         return self._before is None and not self._running
 
     def begin_braking(self) -> bool:

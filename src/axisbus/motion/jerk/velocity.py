@@ -156,7 +156,7 @@ class JerkLimitedVelocity(PathHandover):
 
     @property
     def waits(self) -> bool:
-        """Whether it has not moved anything yet, and the axis was at standstill when it was commanded."""
+        """Whether it was commanded at standstill, and has moved nothing yet."""
         return self._before is None and not self._running
 
     def require_room(self) -> None:

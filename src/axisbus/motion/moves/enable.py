@@ -247,7 +247,7 @@ class EnableActivity(Activity):
     def _offsets_settled(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the offsets of a cyclic mode are 0 before they have an effect: the drive adds them from the first SYNC on.
 
-        They are set before there is power; on a drive found enabled, in another mode than the one in which it added them.
+        They are set before there is power; on a drive found enabled, in a mode other than the one in which it added them.
         """
         if image.state is PowerState.OPERATION_ENABLED:
             return self._offsets.step(image, order) if self._left else True

@@ -36,7 +36,7 @@ from axisbus.motion.stop.standstill import StandstillCheck
 from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 
 _HANDSHAKES = 2
-_NOT_TAKEN = "the drive does not take its present position as a set-point during the halt"
+_NOT_TAKEN = "the drive does not accept its present position as a set-point during the halt"
 _WHY = "its halt bit was cleared for a change of mode"
 
 

@@ -52,7 +52,7 @@ class CyclicSetup:
         """Return True when the drive interpolates over the scan period.
 
         Raises:
-            DriveError: it does not take the period, or does not answer.
+            DriveError: it does not accept the period, or does not answer.
         """
         if not self._offsets.step(image, order):
             return False

@@ -26,7 +26,7 @@ class ModeSwitch:
     enabled), and velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that
     follows a trajectory continues along it (``lead``), because in a cyclic mode a target that does not continue causes a jolt.
 
-    An axis that was halted stays halted while its mode changes. If the drive does not take the mode in time, it may ignore 6060h
+    An axis that was halted stays halted while its mode changes. If the drive does not accept the mode in time, it may ignore 6060h
     while the halt bit is set. Then the halt bit is cleared (``HaltRelease``), and the mode is requested again.
     """
 

@@ -273,7 +273,8 @@ class _ArrivalWatch:
         if self.deadline is not None:
             if image.now > self.deadline:
                 raise self._late(
-                    image, "the time that its distance, velocity and acceleration need, doubled, has passed"
+                    image,
+                    "twice the time that follows from its distance, velocity and acceleration has passed",
                 )
             return
         if image.position != self._progress_position:

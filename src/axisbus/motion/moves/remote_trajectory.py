@@ -1,4 +1,4 @@
-"""A trajectory that arrives in samples, ahead of its use, from another program than the scan's.
+"""A trajectory that arrives in samples, ahead of its use, from a program other than the scan's.
 
 Theory of operation
 -------------------

@@ -73,7 +73,7 @@ class SetPoint:
         return self.phase is _CLEAR or self.phase is _TARGET or offered
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
-        """Return True from the statusword on in which the handshake is complete.
+        """Return True as soon as a statusword completes the handshake.
 
         Raises:
             SetPointError: bit 12 does not follow bit 4 in time.

@@ -147,7 +147,7 @@ class SetPointConfirmation:
         self._allowed = self._time(image)
 
     def _time(self, image: AxisImage) -> float:
-        """Return how long the axis may come no nearer: time to begin, to reverse, and for a slow axis to move visibly."""
+        """Return the time within which the axis must approach its target: to begin, to reverse, and, if slow, to move visibly."""
         speed, ramp = self._profile.speed, self._profile.down
         moving = present_speed(image, self._parameters)
         turn = 2.0 * moving / ramp if ramp else _TURNS

@@ -53,7 +53,7 @@ _REMEDY_BY_CODE = {
     0x8611: "the axis does not follow its demand: blocked, too high acceleration, bad tuning, or a following error window (6065h) "
     "that is too narrow",
     0x8612: "a limit switch or software limit (607Dh) was reached: move away from it, check the limits",
-    0x8700: "SYNC came with another period than the drive expects: check whether cycles are late, and see its manual for "
+    0x8700: "the period of SYNC is not the one that the drive expects: check whether cycles are late, and see its manual for "
     "the periods that it accepts",
     0x7121: "the motor is blocked: check the mechanics and the brake",
 }

@@ -469,7 +469,7 @@ def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tupl
     if ramp is Ramp.QUICK:
         return (
             f"{code} brakes on the quick-stop ramp, and the drive has none (6085h is missing or 0)",
-            f"set deceleration in [axes.{name}.stop], or another word than ramp",
+            f"set deceleration in [axes.{name}.stop], or a word other than ramp",
         )
     fixed = dict(parameters.fixed_ramps)
     if objects.PROFILE_DECELERATION in fixed or course.unknown:

@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-If the master sends a velocity in another unit than the drive uses (revolutions per minute instead of increments per second), the
+If the master sends a velocity in a unit that the drive does not use (revolutions per minute instead of increments per second), the
 drive obeys: it reports no error, and reaches its target. Only the positions show the mistake. So the speed computed from positions
 is compared in each cycle with ``max_velocity`` (``MARGIN``) and with the commanded speed (``MARGIN_OF_COMMAND``).
 
@@ -107,7 +107,7 @@ class SpeedWatch:
         return LimitError(
             f"{name}: faster than {'max_velocity' if over_limit else 'commanded'}",
             observed=f"{seen / per:g} {units.unit}/s by its positions; {', '.join(most)}",
-            remedy="the drive probably uses another unit of velocity than cell.toml says, such as revolutions per minute: "
+            remedy="the drive's unit of velocity probably differs from cell.toml, such as revolutions per minute: "
             f"compare 60A9h or the drive's manual with velocity_scale (and acceleration_scale) in [axes.{name}], and "
             "scale with a measured distance; the axis was stopped",
         )

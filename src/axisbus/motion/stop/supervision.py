@@ -113,7 +113,7 @@ class Supervision:
 
     @staticmethod
     def has_restarted(image: AxisImage) -> bool:
-        """Whether the position of a node that is not operational may have another origin than before."""
+        """Whether the origin of the position may have changed, because the node is not operational."""
         return image.nmt in _RESTARTED
 
     def power(

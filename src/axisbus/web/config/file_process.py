@@ -51,7 +51,7 @@ _COMMAND_LINE = "give the file to axisbus config on the command line, or a small
 
 
 class FileTask(msgspec.Struct, frozen=True):
-    """What to do with a file of ``size`` bytes: carry out the job ``kind`` for a node, or describe the file if it is None."""
+    """The task for a file of ``size`` bytes: carry out the job ``kind`` for a node, or describe the file if it is None."""
 
     name: str
     size: int

@@ -66,7 +66,7 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
     if len(data) > MOST:
         raise StateError(
             f"the backup of node {node.node_id} has {counted(len(data), 'octet')}, more than a page can store",
-            remedy="make it by axisbus config backup",
+            remedy="create it with axisbus config backup",
         )
     name = str(settings.file_name)
     lines = (*report_text.device(who, path.name, node.node_id), f"{name}: {counted(len(data), 'octet')}")

@@ -203,7 +203,7 @@ _ARROWS = (
     ("M252 94H170", 210, 88, "15"),
     ("M420 205V170H410", 424, 222, "13"),
 )
-LABEL = "State machine of the drive by CiA 402; the present state is highlighted"
+LABEL = "State machine of the drive (CiA 402); the present state is highlighted"
 
 
 def svg(number: int = 0) -> str:

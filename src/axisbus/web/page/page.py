@@ -145,7 +145,7 @@ def _question() -> None:
 
 @dataclass(frozen=True, slots=True)
 class OpenPage:
-    """A page in a browser: the containers of its links, scope signals and views; holds the axes that it has."""
+    """A page in a browser: the containers of its links, scope signals and views; holds its axes."""
 
     client: Client
     nav: Tag

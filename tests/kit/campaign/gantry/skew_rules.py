@@ -52,7 +52,7 @@ _FORGETS = frozenset(
 _RESTARTS = frozenset({"reboots", "loses_supply"})
 _ELSEWHERE = frozenset(
     {"encoder_jumps", "encoder_frozen"}
-)  # with these a drive reports another position than its motor's
+)  # with these a drive reports a position other than its motor's
 # With these a side moves without our command, or does not move.
 _STRAYS = frozenset({"slips_to_pp", "slips_to_pv", "slips_to_csp", "resumes", "creeps", "ignores_halt"})
 _SEEN_LATE = 6  # cycles from a bend to the stop commands to both
@@ -109,7 +109,7 @@ class Beam:
         if asked.what == "home":
             self._is_homed(asked)
         elif asked.what == "set_square":
-            # While a drive reports another position than its motor's, the square difference is unknown when it ends.
+            # While a drive reports a position other than its motor's, the square difference is unknown when it ends.
             self.square = None if self._troubled_by(_ELSEWHERE, 0.5) else self._apart
         elif asked.what.startswith("move_") and asked.what != "move_velocity" and not self._troubled(_CALM):
             self._is_square(asked)

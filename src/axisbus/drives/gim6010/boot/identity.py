@@ -91,7 +91,7 @@ def require_firmware(listening: NodeListener, facts: SimpleFacts, text: str | No
         observed = f"its heartbeats show {shown}"
     if observed:
         raise BootError(
-            f"module {node} has another firmware than {wanted}, which cell.toml specifies",
+            f"module {node} has a firmware other than {wanted}, which cell.toml specifies",
             node=node,
             step=IDENTITY,
             observed=observed,

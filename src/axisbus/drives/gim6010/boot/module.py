@@ -219,14 +219,14 @@ def _rated(axis: AxisConfig) -> ScaleReport | None:
     return ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module contains it", None)
 
 
-# -- Describe how the axis of a module stops, and which of its watchdogs notice a dead master, in plain words ----------
+# -- Describe how the axis of a module stops, and which of its watchdogs detect the loss of the master, in plain words ----------
 
 
 # Used if nothing could be read: no message reports the armed watchdogs. Users and the maker describe each (docs/gim6010-8.md).
 WATCHDOG = WatchdogReport(
     Watchdog.NONE,
-    "no function of this module is known to detect a dead master: break_timeout and watchdog_timeout were not read, and are "
-    "off by factory setting. Positions hold, a velocity or a torque continues. The master does not feed a time-out that it "
+    "no function of this module is known to detect the loss of the master: break_timeout and watchdog_timeout were not read, and "
+    "are off by factory setting. Positions hold, a velocity or a torque continues. The master does not feed a time-out that it "
     "has not read: if break_timeout is armed, the module trips whenever no set-point is sent for that time. Then switch it "
     "off (axisbus gim6010 watchdog --off), or name the firmware's list in the cell file (endpoints). On another joint of "
     "the manufacturer a trip switched the power off and latched CAN_BUS_FAILED; watchdog_timeout has no effect in newer "
@@ -246,7 +246,8 @@ _COASTS = "the motor coasts: a module has no ramp for it"
 
 
 def watchdog_of(found: Armed, firmware: Firmware | None, *, relayed: bool = False) -> WatchdogReport:
-    """Return which watchdogs of a module notice a dead master, from the watchdogs ``found`` armed in it, and who feeds them.
+    """Return which watchdogs of a module detect the loss of the master, from the watchdogs ``found`` armed in it, and who feeds
+    them.
 
     ``relayed``: the module is on a serial line.
     """
@@ -257,7 +258,7 @@ def watchdog_of(found: Armed, firmware: Firmware | None, *, relayed: bool = Fals
     if counts:
         texts += [_FED_BY_LINE if relayed else _fed(min(counts.values())), "Untested here"]
     else:
-        texts.append(f"no function is known to detect a dead master: {_GOES_ON}")
+        texts.append(f"no function is known to detect the loss of the master: {_GOES_ON}")
     return WatchdogReport(Watchdog.UNKNOWN if counts else Watchdog.NONE, "; ".join(texts))
 
 

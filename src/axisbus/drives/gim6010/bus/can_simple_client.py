@@ -33,7 +33,7 @@ class SimpleLine:
         """``node`` is 0 to 63.
 
         Raises:
-            ArgumentError: it is not.
+            ArgumentError: ``node`` is out of this range.
         """
         self.channel = channel
         self.clock = channel.clock

@@ -80,11 +80,11 @@ def stop_on_line(
 
 # -- The watchdog process that stops a module if the program that calibrates it outside a cell is killed --------------
 #
-# Theory of operation. No function of a module notices a dead master, so another process must. The watchdog process is started,
-# and ready, before anything is requested. It holds one end of a pipe. If the other end closes without a message, the program is
-# dead, and its port is free. Then the watchdog process opens the port and stops the module as ``axisbus gim6010 modbus stop``
-# does. Signals of the terminal do not reach it. It does not help if the computer, the adapter or the cable fails, or if the program
-# hangs.
+# Theory of operation. No function of a module detects the loss of the master, so another process must. The watchdog process is
+# started, and ready, before anything is requested. It holds one end of a pipe. If the other end closes without a message, the
+# program is dead, and its port is free. Then the watchdog process opens the port and stops the module as ``axisbus gim6010 modbus
+# stop`` does. Signals of the terminal do not reach it. It does not help if the computer, the adapter or the cable fails, or if the
+# program hangs.
 
 
 _READY, _OVER = b"ready\n", b"over\n"

@@ -62,8 +62,8 @@ class ModuleByMessage:
         """Set the count over turns to 0 at the present position, until the next start, and read it back. Blocks.
 
         Raises:
-            StateError, NodeError: as ``require_idle``; the output turns, the module does not report its count,
-                or the count is not 0 after it.
+            StateError, NodeError: as ``require_idle``. Also if the output turns, the module does not report its count,
+                or the count is not 0 afterwards.
         """
         self.require_idle()
         before = self._ask()

@@ -32,7 +32,7 @@ class Reason(Enum):
     LENGTH = "it is too short"
     NOT_SENT = "that is not sent by this side"
     NOT_FINITE = "a value is not a finite number"
-    WRONG_NODE = "it names another node than its identifier"
+    WRONG_NODE = "the node that it names is not the node of its identifier"
     VALUE = "a value is not one that the manual lists"
 
 

@@ -218,7 +218,7 @@ def with_version(text: bytes, name: str, made_for: str | None) -> tuple[Endpoint
     named, given = proposed_version(name), None if made_for is None else Firmware.parse(made_for)
     if named is not None and given is not None and named != given:
         raise ArgumentError(
-            f"{name} is for firmware {named} by its name, and the node must have {given}",
+            f"{name} is for firmware {named} according to its name, but the node must have {given}",
             remedy=f"get the list of firmware {given} from the manufacturer, or correct that version",
         )
     version = named or given

@@ -44,7 +44,7 @@ class Effect(Enum):
 class MessageSupport(Enum):
     """Whether owners report that a module accepts or answers the message over CAN."""
 
-    YES = "owners saw it work"
+    YES = "confirmed by owners"
     NO_REPORT = "not reported by owners"
     SILENT = "owners got no answer"
     OTHERWISE = "owners' reports contradict the manual"

@@ -8,7 +8,7 @@ from axisbus.drives.gim6010.can_simple.messages import named
 from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 
 # Control mode and input mode (manual v2.2, 4.1.2). Direct control (1) is not among them: real modules ran away in it when
-# set-points paused, and a dead master is a pause.
+# set-points paused, and the loss of the master is a pause.
 TRAPEZOID, FILTER = (3, 5), (3, 3)
 VELOCITY, TORQUE, MIT = (2, 2), (1, 6), (3, 9)
 

@@ -1,4 +1,4 @@
-"""Parameters and functions accessed only if named one by one: calibration, data of one specimen, communication, actions."""
+"""Parameters and functions accessed only if named one by one: calibration, data of one module, communication, actions."""
 
 from __future__ import annotations
 

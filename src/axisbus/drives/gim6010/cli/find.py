@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 @click.option(
     "--ask",
     type=click.Choice(["none", "heard", "all"]),
-    help="The node IDs to ask: none, those that were heard, or all. By default all, and those heard if there is other traffic.",
+    help="The node IDs to ask: none, those that were heard, or all. The default is all, or those heard if there is other traffic.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
 def command(

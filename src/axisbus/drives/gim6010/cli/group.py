@@ -31,7 +31,7 @@ def _table(**rows: tuple[str, str]) -> Table:
         termination=("settings.commands:termination_command", "Switch a module's terminating resistor."),
         watchdog=(
             "settings.commands:watchdog_command",
-            "Show, arm or switch off the watchdogs that detect a dead master.",
+            "Show, arm or switch off the watchdogs that detect the loss of the master.",
         ),
         endstops=("settings.commands:endstops_command", "Switch a module's own limit switches."),
         brake_resistor=("settings.commands:brake_resistor_command", "Switch a braking resistor."),
@@ -106,6 +106,6 @@ def modbus() -> None:
     """Use a GIM6010-8 over RS485, by Modbus RTU: needs the extra axisbus[modbus].
 
     Only calibrate energises its motor. To move a module, make it an axis of a cell file: interface = "modbus" in [bus], then
-    axisbus check, boot and move. A module cannot detect a dead master over Modbus. Positions and velocities are turns of the
-    rotor; 8 of these are one turn of the output. All commands were tried on simulated modules only.
+    axisbus check, boot and move. A module cannot detect the loss of the master over Modbus. Positions and velocities are turns of
+    the rotor; 8 of these are one turn of the output. All commands were tried on simulated modules only.
     """

@@ -104,10 +104,12 @@ def usb_options(function: Decorated) -> Decorated:
         "--serial",
         "serial_number",
         metavar="HEX",
-        help="With --usb: its serial number, if several are connected.",
+        help="With --usb: the module's serial number, if several are connected.",
     )
     usb_option = click.option(
-        "--usb", is_flag=True, help="Use its USB port; the list of endpoints is read from the module."
+        "--usb",
+        is_flag=True,
+        help="Use the module's USB port; the list of endpoints is read from the module.",
     )
     return usb_option(serial_option(packed))
 
@@ -134,7 +136,7 @@ def usb_words_of(usb: str) -> str:
 
 @contextmanager
 def on_usb(usb: str) -> Iterator[UsbParameters]:
-    """Find a module on USB and read its list; blocks some seconds.
+    """Find a module on USB and read its list; blocks for some seconds.
 
     Raises:
         UserError: the extra ``usb`` is not installed.
@@ -199,7 +201,7 @@ def module_options(function: Decorated) -> Decorated:
 
 @contextmanager
 def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
-    """Open the module; blocks some 1.5 s.
+    """Open the module; blocks for about 1.5 s.
 
     Raises:
         UsageError: bus, node ID, list or the list's version is not given.
@@ -258,7 +260,7 @@ def _over_modbus(serial: ModbusTarget) -> Iterator[ModbusParameters]:
 
 
 def require_can(asked: ModuleSelection, why: str) -> None:
-    """Refuse another connection than CAN if a command works only over CAN.
+    """Refuse a connection other than CAN if a command works only over CAN.
 
     Raises:
         UsageError: another connection is given.

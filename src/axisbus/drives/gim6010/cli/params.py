@@ -58,7 +58,7 @@ def set_command(asked: ModuleSelection, settings: tuple[str, ...], save: bool) -
         notes = tuple(f"{path} {found.why}" for path, _ in wanted if (found := protected(path)) is not None)
         put(module, ParameterBatch(wanted, notes), save=save)
     if save:
-        say(f"saved: module {module.serial:08X}h restarted, and has all of it")
+        say(f"saved: module {module.serial:08X}h restarted, and has all written values")
     else:
         say("in RAM only: it is lost at the next start")
         say_next(f"save it: axisbus gim6010 params set ... {asked.words} --save")
@@ -163,7 +163,9 @@ def restore_command(
         if not dry_run and plan.writes:
             put(module, ParameterBatch(plan.writes), save=save)
             where = (
-                "saved: the module restarted, and has all of it" if save else "in RAM only: --save stores it"
+                "saved: the module restarted, and has all written values"
+                if save
+                else "in RAM only: --save stores it"
             )
             say(f"{counted(len(plan.writes), 'setting')} restored, {where}")
     return OK

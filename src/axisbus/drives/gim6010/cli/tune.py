@@ -34,13 +34,32 @@ _PATHS = {
 
 @click.command("tune")
 @click.argument("loop", type=click.Choice(["position", "velocity"]))
-@click.option("--step", "size", type=float, required=True, help="In turns of the rotor, or in turns/s of it.")
-@click.option("--for", "seconds", type=Seconds(), required=True, help="How long each side is recorded.")
-@click.option("--velocity", type=float, default=0.0, help="Of a step of position: turns/s of the rotor.")
-@click.option("--acceleration", type=float, default=0.0, help="Of a step of position: turns/s² of the rotor.")
-@click.option("--pos-gain", type=float, help="In (turns/s)/turn.")
-@click.option("--vel-gain", type=float, help="In N·m per turn/s; with --vel-integrator-gain.")
-@click.option("--vel-integrator-gain", type=float, help="In N·m per turn; the manual begins with 0.")
+@click.option(
+    "--step", "size", type=float, required=True, help="Size of the step, in turns or turns/s of the rotor."
+)
+@click.option(
+    "--for",
+    "seconds",
+    type=Seconds(),
+    required=True,
+    help="Time for which each side of the step is recorded.",
+)
+@click.option(
+    "--velocity", type=float, default=0.0, help="Velocity of a step of position, in turns/s of the rotor."
+)
+@click.option(
+    "--acceleration",
+    type=float,
+    default=0.0,
+    help="Acceleration of a step of position, in turns/s² of the rotor.",
+)
+@click.option("--pos-gain", type=float, help="Gain in (turns/s)/turn.")
+@click.option("--vel-gain", type=float, help="Gain in N·m per turn/s; needs --vel-integrator-gain.")
+@click.option(
+    "--vel-integrator-gain",
+    type=float,
+    help="Gain in N·m per turn; the procedure of the manual begins with 0.",
+)
 @click.option(
     "--raise-to",
     type=float,

@@ -203,7 +203,7 @@ class RelayedModule:
 
         Raises:
             AdapterError: the line is gone. ArgumentError: its list of endpoints does not fit. NodeError: it rejects a request.
-            DriveError: it stores another value than was written, or its modes would be changed under power.
+            DriveError: it stores a value other than the written one, or its modes would be changed under power.
         """
         if self.is_urgent:
             self._attempt(self._orders.popleft())
@@ -364,7 +364,7 @@ class RelayedModule:
         place, target = self._ask("position_feedback"), self._ask("position_setpoint")
         if not abs(target - place) <= _PLACE:
             raise UncommandedMotion(
-                f"module {self.node} was enabled in another position than its set-point",
+                f"module {self.node} was enabled in a position other than its set-point",
                 observed=f"in turns of the rotor, its position is {place:.4f} and its set-point {target:.4f}",
                 remedy="its firmware stores an old set-point, to which it would move: do not use positions over Modbus with it",
             )

@@ -60,7 +60,7 @@ def require_setting(register: Register) -> None:
     """Check that a register is a setting or a mode, which are written by name.
 
     Raises:
-        ArgumentError: it is not.
+        ArgumentError: the register is of another kind.
     """
     if register.kind not in _SETTINGS:
         raise ArgumentError(
@@ -148,7 +148,7 @@ class ModbusModule:
 
     @property
     def stop_remedy(self) -> str:
-        """What to do if it is not idle."""
+        """The remedy if it is not idle."""
         return f"stop it first: axisbus gim6010 modbus stop --node {self.device} ..."
 
     def require_idle(self, what: str) -> None:

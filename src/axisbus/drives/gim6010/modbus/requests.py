@@ -18,7 +18,7 @@ from axisbus.errors import ArgumentError
 _MEANINGS = {
     1: "it does not know this function",
     2: "it has no such register",
-    3: "it does not take this value",
+    3: "it does not accept this value",
     4: "it failed while it did this",
     5: "it has begun, and is not done yet",
     6: "it is busy",

@@ -130,7 +130,7 @@ class ModuleParameters(ABC):
 
         Raises:
             ArgumentError, LimitError: as ``read``; it is not writable or protected; the value is not of its type.
-            StateError: the module is not idle. BusError: as ``read``, or it stores another value than was written.
+            StateError: the module is not idle. BusError: as ``read``, or it stores a value other than the written one.
         """
         endpoint = self.endpoint(path)
         rules.require_setting(endpoint, by_name=by_name)

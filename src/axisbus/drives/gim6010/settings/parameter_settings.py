@@ -271,7 +271,7 @@ def _require(what: str, value: float, *, above: bool) -> None:
 
 # Bit rates of CiA 301, from 125 kbit/s up to the module's 1 Mbit/s (manual v2.2, 4.1); the manual names the last two.
 RATES = (125_000, 250_000, 500_000, 1_000_000)
-_UNNAMED = "the manual names 500000 and 1000000 bit/s alone: if the module does not take this rate, it is reached over USB only"
+_UNNAMED = "the manual names only 500000 and 1000000 bit/s: if the module rejects this rate, it can be reached over USB only"
 
 
 def bit_rate(rate: int) -> ParameterBatch:

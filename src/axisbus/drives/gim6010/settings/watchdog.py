@@ -1,4 +1,4 @@
-"""A module's watchdogs against a dead master: ``break_timeout``, and the axis's watchdog.
+"""A module's watchdogs against the loss of the master: ``break_timeout``, and the axis's watchdog.
 
 Theory of operation. Both count the time since the last set-point; requests, reads and heartbeats do not reset them.
 ``break_timeout`` (ms, 0: off) was observed on another product of the maker: a changed value arms it at once, in any state of the
@@ -38,7 +38,7 @@ _NEW = (
     "according to the manufacturer this watchdog has no effect in new firmware: test it before you rely on it, or arm "
     "break_timeout"
 )
-_OFF = "this module no longer detects a dead master; in older firmware 0 reportedly means 100 ms in break_timeout"
+_OFF = "this module no longer detects the loss of the master; in older firmware 0 reportedly means 100 ms in break_timeout"
 
 
 def wanted(broken: float | None, axis: float | None) -> ParameterBatch:
@@ -73,7 +73,7 @@ def _milliseconds(seconds: float) -> int:
     return found
 
 
-# -- Reads a module's watchdogs for a dead master, before the master enables it: a dialogue without clock or bus -------
+# -- Reads a module's watchdogs for the loss of the master, before the master enables it: a dialogue without clock or bus -------
 #
 # Theory of operation. No message reports the watchdogs, and over CAN many modules answer no endpoint: then they are unknown. If a
 # module answers, the list must be made for the firmware version that the module reported. The list is verified first: the node ID

@@ -249,7 +249,7 @@ class ModuleAxis:
             self._release()
 
     def _judge(self, state: AxisState) -> None:
-        """End a part of a calibration: it has failed, or is valid until the next start."""
+        """End a part of a calibration: mark the part as failed, or as valid until the next start."""
         if state == AxisState.MOTOR_CALIBRATION:
             self.motor_error |= MotorError(self._dials.calibration_motor_error)
         else:

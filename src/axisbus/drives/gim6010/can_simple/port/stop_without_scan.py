@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 The steps go from soft to hard, and the sequence never returns to a softer one. Each command is repeated. BRAKE ends when
 standstill is seen. It also ends if no position is known for two seconds, or if the motor has not become slower for a second after
-that time: a slow ramp is waited for, at most for ``longest`` seconds. In another state than closed loop and idle (a calibration) a
+that time: a slow ramp is waited for, at most for ``longest`` seconds. In a state other than closed loop and idle (a calibration) a
 module ignores set-points, and is switched off at once. IDLE and ESTOP end when the module is seen in idle, and at standstill by
 the counts of its encoder. If no counts are available (``counts``), the standstill must have been seen before, in closed loop.
 """

@@ -150,7 +150,7 @@ def state_command(target: ModbusTarget, as_json: bool) -> int:
 
 @click.command("errors")
 @target_options
-@click.option("--clear", is_flag=True, help="Clear them, and show those that remain; in idle only.")
+@click.option("--clear", is_flag=True, help="Clear the errors, and show those that remain; in idle only.")
 @click.option("--json", "as_json", is_flag=True, help="Print the error words as JSON.")
 def errors_command(target: ModbusTarget, clear: bool, as_json: bool) -> int:
     """Show every error of a module: its category, the meaning of each bit, and what to check. Exit code 1 when there is one."""

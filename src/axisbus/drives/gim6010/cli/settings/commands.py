@@ -117,15 +117,16 @@ def _value(value: object) -> str:
 
 
 @click.command("watchdog")
-@click.option("--break-timeout", type=Seconds(), help="For can.config.break_timeout, such as 500ms.")
-@click.option("--axis-timeout", type=Seconds(), help="For the axis's watchdog, such as 500ms.")
+@click.option("--break-timeout", type=Seconds(), help="The time for can.config.break_timeout, such as 500ms.")
+@click.option("--axis-timeout", type=Seconds(), help="The time for the axis's watchdog, such as 500ms.")
 @click.option("--off", is_flag=True, help="Switch both off, and clear the error that they have caused.")
 @_setting_options
 def watchdog_command(**given: Any) -> int:
     """Arm the watchdogs that disarm a module when no set-point arrives within a time, or switch them off; with no option, show
     them.
 
-    Written as parameters and read back, only to a module that is idle. An armed watchdog runs from then on, also in idle.
+    The command writes the values as parameters and reads them back. The module must be idle. An armed watchdog runs from then on,
+    also in idle.
     """
     return _carry_out("watchdog", **given)
 
@@ -136,20 +137,21 @@ def watchdog_command(**given: Any) -> int:
 def termination_command(**given: Any) -> int:
     """Switch the module's own terminating resistor of 120 Ω on or off; without ON or OFF, show it.
 
-    Written as a parameter and read back, only to a module that is idle. If it answers no endpoint, the steps over USB are
-    shown.
+    The command writes the value as a parameter and reads it back. The module must be idle. If it answers no endpoint, the steps
+    over USB are shown.
     """
     return _carry_out("termination", **given)
 
 
 @click.command("endstops")
-@click.option("--min", type=click.Choice([*_SWITCH]), help="LW1, at the lowest position.")
-@click.option("--max", type=click.Choice([*_SWITCH]), help="LW2, at the highest position.")
+@click.option("--min", type=click.Choice([*_SWITCH]), help="The limit switch LW1, at the lowest position.")
+@click.option("--max", type=click.Choice([*_SWITCH]), help="The limit switch LW2, at the highest position.")
 @_setting_options
 def endstops_command(**given: Any) -> int:
     """Switch the module's own limit switches on or off; with neither option, show them.
 
-    Written as parameters and read back, only to a module that is idle. Refused for hardware that has none (3.7).
+    The command writes the values as parameters and reads them back. The module must be idle. Hardware 3.7 has no limit switches:
+    the command is refused.
     """
     return _carry_out("endstops", **given)
 
@@ -171,8 +173,8 @@ def endstops_command(**given: Any) -> int:
 def brake_resistor_command(**given: Any) -> int:
     """Switch a braking resistor on or off; with no option, show its settings.
 
-    --ohm goes with --max-regen, with --ramp, or with both. Written as parameters and read back, only to a module that is idle.
-    A ramp that ends above the module's own overvoltage limit is refused.
+    --ohm needs --max-regen, --ramp, or both. The command writes the values as parameters and reads them back. The module must be
+    idle. A ramp that ends above the module's own overvoltage limit is refused.
     """
     if given["ohm"] is None and not given["off"] and (given["max_regen"], given["ramp"]) != (None, None):
         raise click.UsageError("give the resistance with --ohm")
@@ -183,8 +185,8 @@ def brake_resistor_command(**given: Any) -> int:
 
 
 @click.command("limits")
-@click.option("--velocity", type=float, help="In turns/s of the rotor.")
-@click.option("--current", type=float, help="In A of the motor, at most 50.")
+@click.option("--velocity", type=float, help="The highest velocity, in turns/s of the rotor.")
+@click.option("--current", type=float, help="The highest motor current in A, at most 50.")
 @_setting_options
 def limits_command(asked: ModuleSelection, velocity: float | None, current: float | None, save: bool) -> int:
     """Set the module's own limits of velocity and motor current, only while it is idle; with neither, show them.

@@ -25,7 +25,7 @@ def save_option(function: Decorated) -> Decorated:
     return click.option(
         "--save",
         is_flag=True,
-        help="Then save RAM to flash; the module restarts, and all values are read again.",
+        help="Afterwards save RAM to flash; the module restarts, and all values are read again.",
     )(function)
 
 
@@ -125,7 +125,7 @@ def pair(text: str, form: str) -> tuple[str, str]:
 def end(asked: ModuleSelection, command: str, *, saved: bool) -> None:
     """Print where the settings are now, and how to save them."""
     if saved:
-        say("saved: it restarted, and has all of it")
+        say("saved: it restarted, and has all written values")
     else:
         say("in RAM only: it is lost at the next start")
         say_next(f"save it: axisbus gim6010 {command} {asked.words} --save")

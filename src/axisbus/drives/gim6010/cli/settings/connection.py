@@ -222,8 +222,10 @@ def to_can_simple_command(line: BusOptions, node: int | None, usb: str | None) -
 @line_options
 @modbus_options
 @usb_options
-@click.option("--node", type=click.IntRange(0, 63), help="Its present node ID; not with --usb.")
-@click.option("--no-save", is_flag=True, help="Leave it in RAM: the next start restores the old one.")
+@click.option("--node", type=click.IntRange(0, 63), help="The module's present node ID; not with --usb.")
+@click.option(
+    "--no-save", is_flag=True, help="Leave the new value in RAM: the next start restores the old value."
+)
 def set_id_command(
     new: int,
     line: BusOptions,
