@@ -5,6 +5,7 @@ Everything is judged by the frames on the wire and by the simulated drives, not 
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from functools import partial
@@ -26,6 +27,7 @@ from axisbus.testing import Simulation, simulate
 from kit.cell import cell_text
 
 PERIOD = 0.01
+MAPPINGS = [(0x1600 + table + number, sub) for table in (0, 0x400) for number in range(4) for sub in range(4)]
 SYNC = 0x080
 GROUP = '\n[groups.all]\naxes = ["x", "y"]\n'
 HOMING = 'speed_switch = 20.0\nspeed_zero = 5.0\nacceleration = 100.0\ntimeout = "60s"\n'
@@ -165,6 +167,22 @@ def homing(machine: Machine) -> list[Handle]:
     return [machine["x"].home(1)]
 
 
+def trajectory(machine: Machine) -> list[Handle]:
+    """The axis follows a function of time (csp)."""
+    enable(machine["x"])
+    return [machine["x"].follow(lambda t: 20.0 * (1.0 - math.cos(t)), duration=20.0)]
+
+
+def stream(machine: Machine) -> list[Handle]:
+    """Both axes follow points that the program sends."""
+    enable(machine["x"], machine["y"])
+    points = machine.group("all").stream(period=0.1)
+    number = 0
+    while points.try_push((0.5 * number, 0.25 * number)):
+        number += 1
+    return [points.handle]
+
+
 def superimposed(machine: Machine) -> list[Handle]:
     """A superimposed distance on a velocity, with an override."""
     enable(machine["x"])
@@ -174,7 +192,18 @@ def superimposed(machine: Machine) -> list[Handle]:
 
 @pytest.mark.parametrize(
     "doing",
-    [idle, enabled, profile_move, group_line, gear_slave, gear_master, homing, superimposed],
+    [
+        idle,
+        enabled,
+        profile_move,
+        group_line,
+        gear_slave,
+        gear_master,
+        homing,
+        trajectory,
+        stream,
+        superimposed,
+    ],
     ids=lambda doing: doing.__name__,
 )
 @pytest.mark.parametrize("lost", ["x", "xy"])
@@ -215,6 +244,26 @@ def test_a_node_that_returns_is_booted_while_the_others_continue(
         enable(other)
         machine.group("all").move_linear((10.0, 10.0), velocity=30.0).wait(20)
         assert simulation.position("y") == pytest.approx(10.0, abs=0.1)
+
+
+def test_a_node_that_returns_with_other_stored_mappings_gets_those_of_the_cell_again(tmp_path: Path) -> None:
+    with cell(tmp_path, "xy") as (simulation, witness):
+        machine, device = simulation.machine, simulation.machine.simulated_node(1).device
+        for key in MAPPINGS:  # as a tool of the maker would do it while the drive is at another bus
+            device._stored[key[0] << 8 | key[1]] = 0
+        device._stored[0x1A00_01], device._stored[0x1A00_00] = 0x1001_0008, 1
+        machine.sleep(0.5)
+        switch_off(machine, "x")
+        machine.sleep(2.0)
+        witness.begin()
+        switch_on(machine, "x")
+        machine.sleep(1.0)
+        assert device.read(0x1A00, 1) == 0x1001_0008
+        boot(machine, "x")
+        assert device.read(0x1A00, 1) != 0x1001_0008
+        assert not witness.energised
+        assert_waits_for_reset(machine["x"])
+        assert_usable(simulation, machine["x"])
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 8])
