@@ -70,7 +70,7 @@ def test_another_state_is_reported_to_its_subscribers(
     hear(fake, node, data)
     events.look(time.monotonic())
     assert [(event.kind.name, event.state) for event in told] == [("STATE", state)]
-    assert "another NMT state" in str(told[0])
+    assert "an NMT state other than operational" in str(told[0])
 
 
 def test_a_guarding_answer_with_the_same_toggle_bit_does_not_count(node: CanopenNode, fake: FakeBus) -> None:

@@ -203,7 +203,7 @@ def test_an_object_of_a_blf_that_never_ends_is_not_stored_without_end(tmp_path):
         blf_frames(path)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert caught.value.observed == "ValueError: an object has more than 4 MB"
+    assert caught.value.observed == "ValueError: an object is larger than 4 MB"
     assert peak < 30_000_000
 
 

@@ -126,7 +126,7 @@ def test_an_underrun_ends_a_stream_that_is_to_end_by_it(scenario):
     error = cell.failure_of(points.handle)
     assert isinstance(error, CommandError)
     assert "underrun" in error.message
-    assert "s of the stream" in error.observed
+    assert "position in the stream: " in error.observed
     assert "buffer" in error.remedy
     cell.run(1.0)
     must_be_still(cell)

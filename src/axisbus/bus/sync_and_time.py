@@ -51,7 +51,7 @@ class SyncConsumer:
         """Wait until SYNC comes, and return its measured period in seconds; blocks up to ``timeout`` seconds.
 
         Raises:
-            SyncError: it does not come, or with a period other than the master's.
+            SyncError: no SYNC is received, or its period is not that of the master.
             BusError: the channel failed.
         """
         deadline = self._clock() + timeout

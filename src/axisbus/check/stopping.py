@@ -59,7 +59,7 @@ def _hold(drive: Drive, option: OptionCode) -> str:
 
 
 def not_there(case: CheckContext) -> Problems:
-    """Note reactions without an object, or without a default in the EDS: only the manual or the drive has the answer."""
+    """Report reactions whose object is missing, or has no default in the EDS: only the manual or the drive has the answer."""
     for drive in case.drives:
         absent = [option for option in _SETTABLE if not drive.has(option.index)]
         unknown = [

@@ -15,7 +15,7 @@ lowest address:
   next one, or a confirmation lost after the slave had advanced. The parts that were complete are then only guesses, at one request
   each. So are the first three parts of the slave found before: machines often have several of a kind.
 * If the very last confirmation is lost, the slave may be in *configuration* already. The master then switches all slaves to
-  *waiting* and sets those found before aside by switch state selective. The same service then shows whether the new slave exists.
+  *waiting*, and sets aside those found before, by switch state selective. The same service then shows whether the new slave exists.
 
 A slave may continue to answer in *configuration*. Two signs show it: a slave is found again although it was set aside, or answers
 contradict each other after a slave was found. ``ExcludingScan`` then searches the rest; it walks around such slaves.

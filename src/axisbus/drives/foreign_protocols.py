@@ -42,7 +42,7 @@ class ProtocolDetector(Protocol):
         """Return the text of a frame of a recognised device; None for any other frame."""
 
     def commands(self, can_ids: Iterable[int]) -> set[int]:
-        """Return those of some 11-bit identifiers that a recognised device takes for commands of its protocol."""
+        """Return the 11-bit identifiers among ``can_ids`` that a recognised device takes for commands of its protocol."""
 
     def heard(self) -> list[str]:
         """Return the recognised devices, a line for each protocol."""

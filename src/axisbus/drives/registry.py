@@ -182,7 +182,7 @@ def _plugins(loaded: object) -> tuple[DrivePlugin, ...]:
     """Return the plug-ins that an entry point names.
 
     Raises:
-        TypeError: it names something else.
+        TypeError: it names neither a plug-in, nor a list of them, nor a package with drive files.
         ConfigError: a TOML file of the package has an error.
     """
     if isinstance(loaded, ModuleType):

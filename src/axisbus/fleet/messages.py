@@ -149,7 +149,7 @@ class CommandAsk(msgspec.Struct, frozen=True):
 
 
 class CommandAnswer(msgspec.Struct, frozen=True):
-    """State of a command. ``running``: it has not ended within the query; send it again with the same id."""
+    """State of a command. ``running``: the command had not ended when the answer was sent; send it again with the same id."""
 
     status: Literal["running", "done", "error"]
     error: ErrorFields | None = None

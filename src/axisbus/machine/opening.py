@@ -67,7 +67,7 @@ def attached(path: str | Path, *, command: bool, take: bool) -> tuple[CellConfig
 
 
 def runs(path: str | Path, *, joinable: bool = False) -> bool:
-    """Whether this user has a running machine of this cell file on this computer; ``joinable``: that programs can join."""
+    """Whether this user has a running machine of this cell file on this computer; ``joinable``: one that can be joined."""
     from axisbus.core.process.listener import is_trusted, machines_of
 
     cell = str(path)

@@ -122,5 +122,5 @@ def require_joinable(joinable: bool) -> None:
         raise StateError(
             "no page can be served for this machine",
             observed="its core does not run in its own process, so no other program can join it",
-            remedy='give it one (process = "own" in [bus]), or serve the page by axisbus web',
+            remedy='give the core its own process (process = "own" in [bus]), or serve the page by axisbus web',
         )

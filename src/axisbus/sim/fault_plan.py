@@ -104,7 +104,7 @@ class Moment:
     begin: time since the drives started; or ``when``: the fault begins ``after`` s after this condition becomes true. A condition
     that
         is true from the start must first become false.
-    every: time from one begin to the next; with ``when`` it is the shortest such time (None: only once)
+    every: time from one begin of the fault to the next; with ``when``, the shortest time between two (None: only once)
     lasts: duration (None: permanent)
     """
 

@@ -234,7 +234,7 @@ class _BlfReader(can.BLFReader):
             if kind == blf.LOG_CONTAINER:
                 yield from self._parse_container(_decompressed(content))
                 if len(self._tail) > _BLF_OBJECT:
-                    raise ValueError(f"an object has more than {_BLF_OBJECT >> 20} MB")
+                    raise ValueError(f"an object is larger than {_BLF_OBJECT >> 20} MB")
         if not complete or self._tail.strip(b"\0"):  # zeros are padding
             raise ValueError(
                 "it ends in the middle of an object: the recording is cut, or the size of an object is wrong"

@@ -70,7 +70,7 @@ def _check_limits(entry: DictionaryEntry, value: float) -> None:
     if (low is None or value >= low) and (high is None or value <= high):
         return
     raise LimitError(
-        f"{entry}: {value} is out of its limits",
+        f"{entry}: {value} is outside its limits",
         observed=f"the EDS has LowLimit {low}, HighLimit {high} (None: no limit)",
         remedy="give a value within the limits, or correct the EDS if the drive allows more",
     )

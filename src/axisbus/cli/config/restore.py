@@ -65,7 +65,7 @@ def _objects(
 @click.option(
     "--replacement",
     is_flag=True,
-    help="The node replaces the node of the file: allow another revision, serial number and node-ID.",
+    help="The node replaces the node in the file: accept a different revision, serial number and node-ID.",
 )
 @click.option("--store", is_flag=True, help="Store by 1010h, wait for a restart, and read all again.")
 @click.option(
@@ -247,7 +247,7 @@ def _cut_off(
 
 
 def tell(report: RestoreReport, found: dict[str, Any], as_json: bool) -> None:
-    """Print a report; ``found`` has node, file, and the storing (``stored``, ``in_ram_only``, ``cannot_store``)."""
+    """Print a report; ``found`` has the node, the file, and if it was stored (``stored``, ``in_ram_only``, ``cannot_store``)."""
     if as_json:
         say_json(_plain(report, found))
     else:

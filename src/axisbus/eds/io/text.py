@@ -48,7 +48,7 @@ def entry_of(raw: str) -> tuple[str, str]:
 
 
 class _Entries(dict[str, tuple[str, str]]):
-    """Lines to (key, value); each different line of a document is parsed once; ``newline`` separates the lines."""
+    """The (key, value) of each line; a line that occurs again is not parsed again. ``newline`` separates the lines."""
 
     def __init__(self, newline: str) -> None:
         self.newline = newline

@@ -202,7 +202,7 @@ def _not_understood(text: str) -> Integer:
 
 
 def _formula(text: str) -> Integer:
-    """Parse a sum of numbers and one ``$NODEID`` in any order, case and spelling (DS 306 4.3: first, in capitals)."""
+    """Parse a sum of numbers and one ``$NODEID`` in any order, case and spelling (DS 306 4.3 requires it first and in capitals)."""
     terms = [term.strip() for term in text.lstrip("=").split("+")]
     node_ids = [term for term in terms if term.lower().replace("_", "") in _NODE_ID_WORDS]
     numbers = [_number(term) for term in terms if term not in node_ids]

@@ -285,7 +285,7 @@ class PointStream:
         if t <= last.t:
             raise ArgumentError(
                 f"{text} is not later than the last",
-                observed=f"its time is {given:.6g} s, that of the last {last.t + self._begin:.6g} s",
+                observed=f"its time is {given:.6g} s; the time of the last point is {last.t + self._begin:.6g} s",
                 remedy="give points in the order of their times; this point was rejected",
             )
         require_apart(t - last.t, self._scan, text, "the time after the last")

@@ -130,7 +130,7 @@ class UserKinematicsAdapter:
             raise ArgumentError(
                 f"{self.name}.forward returned {counted(len(back), 'coordinate')} at {listed(joints)}",
                 observed=f"at the present position of the axes it returned {len(place)}",
-                remedy="it must always return the same number; nothing has moved",
+                remedy="it must always return the same number of coordinates; nothing has moved",
             )
         off, allowed = math.dist(back, place), self.allowed(joints, back)
         if off > allowed:

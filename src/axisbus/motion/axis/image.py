@@ -39,7 +39,7 @@ class AxisImage:
     ``AxisCore.forget``.
 
     ``restarted``, ``duplicate``: see ``Inputs``. Values received by PDO are unknown after a restart; ``heard`` has the statusword
-    and position received since (each may be None), as evidence against a stop.
+    and position received since (each may be None), which can contradict a stop, but not confirm it.
     """
 
     __slots__ = (

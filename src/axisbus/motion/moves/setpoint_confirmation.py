@@ -59,7 +59,7 @@ class _Way:
         return nearer and old > self._nearest_old + tolerance
 
     def gains(self, position: int, tolerance: float) -> bool:
-        """Whether it is nearer to the target than ever before."""
+        """Return whether it is closer to the target than at any time before."""
         distance = abs(position - self._new)
         if distance >= self.best - tolerance:
             return False

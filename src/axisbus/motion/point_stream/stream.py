@@ -292,7 +292,7 @@ class PointStreamMotion:
     def _underrun(self) -> CommandError:
         return CommandError(
             f"{self._name}: underrun, no further point came in time",
-            observed=f"at {self.travel.t:.3f} s of the stream; {self._course.length:.3f} s of it are known",
+            observed=f"position in the stream: {self.travel.t:.3f} s; the received points end at {self._course.length:.3f} s",
             remedy='give points earlier, with a larger buffer, or end the stream when there are no more; on_underrun = "hold" '
             "waits for more; the axes were braked along the known points",
         )

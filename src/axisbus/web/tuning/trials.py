@@ -35,7 +35,7 @@ GONE, OVER, SILENT, ENDED, STOPPED = (
 
 @dataclass(slots=True)
 class _Running:
-    """The running trial; holds its dead-man, and the running command."""
+    """The running trial; holds its dead-man check, and the running command."""
 
     number: int
     page: int
