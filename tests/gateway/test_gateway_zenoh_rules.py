@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import math
 import os
 import socket
@@ -247,6 +248,30 @@ def test_a_client_with_too_many_commands_is_refused_and_may_still_stop(desk):
     told = [desk.do("set_override", number, "x", factor=1.0).status for number in range(1, 140)]
     assert (told[0], told[-1]) == ("done", "error")
     assert desk.do("halt", 999).status == "done"
+
+
+def test_a_client_jogs_several_axes_each_with_its_own_presses(desk):
+    """``FleetAxis.jog`` numbers the presses of each axis from 1."""
+    desk.do("enable", 1)
+    numbers = itertools.count(2)
+
+    def jog(axis, press, late=0.0):
+        desk.now += 0.02
+        desk.holding.lease = HELD.renewed(desk.now)
+        desk.machine.sleep(0.02)
+        return desk.do("jog", next(numbers), axis, velocity=20.0, press=press, sent=desk.now - late)
+
+    for press in (1, 2, 3):
+        assert jog("x", press).status == "running"
+    for _ in range(10):  # both buttons are held
+        assert [jog("y", 1).status, jog("x", 3).status] == ["running", "running"]
+    assert desk.machine["x"].velocity == pytest.approx(20.0, abs=1.0)
+    assert desk.machine["y"].velocity == pytest.approx(20.0, abs=1.0)
+    desk.do("halt", next(numbers), "y")
+    assert jog("y", 1).status == "error"
+    assert (
+        "has ended" in jog("y", 2, late=1.0).error.fields["message"]
+    )  # that it is late is seen by those of x
 
 
 def test_a_jog_is_renewed_by_its_queries_but_not_by_late_ones_or_after_a_halt(desk):
