@@ -135,6 +135,24 @@ def test_a_position_trial_moves_forth_and_back_and_is_measured(pages, place):
     assert pages.told(place) == []
 
 
+def test_a_step_that_does_not_arrive_in_time_goes_back_to_its_start_and_not_beyond(pages, place):
+    """By the override it has reached about 13 of the 20 degrees when it is sent back."""
+    x = pages.machine["x"]
+    x.set_override(0.4)
+    pages.pass_(0.1)
+    pages.step(place, velocity="30", seconds="1.15")
+    seen = []
+    for _ in range(30):
+        pages.go_on(place, 0.1)
+        seen.append(x.position)
+        if pages.last["phase"] == "back":
+            x.set_override(1.0)
+    assert pages.last["phase"] == "over"
+    assert 10.0 < max(seen) < 18.0
+    assert min(seen) > -0.1
+    assert x.position == pytest.approx(0.0, abs=0.1)
+
+
 def test_every_cycle_of_a_trial_can_be_fetched(pages, place):
     pages.step(place)
     pages.go_on(place, 2.5)
