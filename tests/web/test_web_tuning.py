@@ -118,6 +118,24 @@ def test_the_question_names_the_motion_and_the_limits(pages, place):
     assert "30 deg/s" in pages.last["question"]
 
 
+def test_the_question_names_the_velocity_that_the_override_of_another_program_gives(pages, place):
+    x = pages.machine["x"]
+    for override, words in (
+        (1.5, "at up to 90 deg/s (60 deg/s, and an override of 1.5)"),
+        (0.5, "takes 0.742 s"),
+    ):
+        x.set_override(override)
+        pages.pass_(0.1)
+        pages.step(place, sure=False)
+        pages.go_on(place, 0.5)
+        assert words in (pages.last["question"] if override > 1.0 else pages.told(place)[-1][1])
+    pages.machine.set_override(0.0)
+    pages.pass_(0.1)
+    pages.step(place)
+    assert "x does not move" in pages.told(place)[-1][1]
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
 def test_a_position_trial_moves_forth_and_back_and_is_measured(pages, place):
     pages.step(place)
     pages.go_on(place, 1.0)
@@ -136,11 +154,11 @@ def test_a_position_trial_moves_forth_and_back_and_is_measured(pages, place):
 
 
 def test_a_step_that_does_not_arrive_in_time_goes_back_to_its_start_and_not_beyond(pages, place):
-    """By the override it has reached about 13 of the 20 degrees when it is sent back."""
+    """Another program slows it down: it has reached about 13 of the 20 degrees when it is sent back."""
     x = pages.machine["x"]
-    x.set_override(0.4)
-    pages.pass_(0.1)
     pages.step(place, velocity="30", seconds="1.15")
+    pages.go_on(place, 0.1)
+    x.set_override(0.4)
     seen = []
     for _ in range(30):
         pages.go_on(place, 0.1)
