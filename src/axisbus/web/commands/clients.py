@@ -13,7 +13,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.lease import PageLease, Refusal, Seat
 from axisbus.web.access.tokens import PageSession, Role
-from axisbus.web.commands.acts import direction_of, jog, perform, take_command
+from axisbus.web.commands.acts import SpacedStops, direction_of, jog, perform, take_command
 from axisbus.web.commands.authorize import PageAction, decide
 from axisbus.web.commands.node_boots import NodeBoots
 from axisbus.web.commands.object_requests import VERBS as OBJECT_VERBS
@@ -78,6 +78,7 @@ class PageClients:
         self.objects = ObjectRequests()
         self.trials = Trials(machine)
         self.boots = NodeBoots(machine)
+        self._stops = SpacedStops(machine)
         self.places: dict[int, PageClient] = {}
 
     def sit(self, session: PageSession, peer: str) -> PageClient:
@@ -123,7 +124,18 @@ class PageClients:
             if place.deadman.silent(now) or self._broken_off(place):
                 self._end_jog(place)
             self._gather(place, now)
+        self._stops.look(now)
         self.trials.look(now)
+
+    def stop_all(self, now: float) -> None:
+        """Quick-stop every axis, for a page whose socket does not work.
+
+        Raises:
+            AxisbusError: as ``perform``.
+        """
+        self.let_go()
+        for handle in self._stops.give(PageAction(PageVerb.QUICK_STOP_ALL, tuple(self._machine.axes)), now):
+            look_at_end(handle)  # the axes show the result
 
     def let_go(self, axes: Collection[str] | None = None) -> None:
         """End the jogs, and the trial, of these axes (None: all) after a stop; a jog needs a new press to start again."""
@@ -176,19 +188,20 @@ class PageClients:
         elif act.verb is PageVerb.TRIAL_END:
             self.trials.end(number, trials.ENDED)
         elif act.verb is not PageVerb.BEAT:
-            self._perform(place, act)
+            self._perform(place, act, now)
 
     def _of_objects(self, place: PageClient, ask: PageRequest, now: float) -> None:
         refused = self.objects.do(place.seat.number, ask, controls=self.lease.held_by(place.seat))
         if refused is not None:
             place.tell(PageMessage("refused", refused.text, refused.remedy), now)
 
-    def _perform(self, place: PageClient, act: PageAction) -> None:
+    def _perform(self, place: PageClient, act: PageAction, now: float) -> None:
         if act.verb in STOPS:
             self.let_go(act.axes)
+            place.under_way += self._stops.give(act, now)
         else:
             self.trials.end_of(act.axes, act.verb.value)
-        place.under_way += perform(self._machine, act)
+            place.under_way += perform(self._machine, act)
         del place.under_way[:-_UNDER_WAY]
 
     def _jog(self, place: PageClient, act: PageAction, ask: PageRequest, now: float) -> None:
