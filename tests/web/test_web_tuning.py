@@ -357,7 +357,7 @@ def test_a_stop_during_the_pause_of_a_trial_prevents_the_return(pages, place, do
 
 def test_the_server_s_own_stop_ends_it(pages, place):
     pages.under_way(place)
-    pages.desk.stop_all(pages.now)
+    pages.desk.stop_all()
     pages.ended(place, "halted, or stopped")
 
 

@@ -9,7 +9,6 @@ import queue
 import socket
 import sys
 import threading
-import time
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from logging.handlers import QueueHandler, QueueListener
@@ -178,7 +177,7 @@ class PageServer:
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # its contents are ignored
         """Quick-stop every axis; the page requests this if its socket does not work."""
-        self._desk.stop_all(time.monotonic())
+        self._desk.stop_all()
         return Response(status_code=204)
 
     @asynccontextmanager

@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.gateway.ros.messages import Attachment, attachment_of, trajectory_of
 from axisbus.gateway.ros.trajectory import RosTrajectory, judged, names_to_halt, to_halt
@@ -58,6 +59,7 @@ class Commander:
     ) -> None:
         """``machine`` is joined without control, ``join`` joins it with control; ``tell`` reports to people."""
         self._machine = machine
+        self._stops = MergedStops(machine)
         self._join = join
         self._joints = joints
         self._tell = tell
@@ -127,7 +129,7 @@ class Commander:
             self._halts += 1
         names = to_halt(named, self._machine.axes)
         for name in names:
-            look_at_end(self._machine[name].halt())
+            look_at_end(self._stops.give(name, "halt"))
         self._tell(f"a trajectory without points arrived: {', '.join(names)}: halt", None)
 
     # -- the threads ---------------------------------------------------------------------------------------------------

@@ -11,11 +11,20 @@ from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from axisbus.client_support.dead_man import SILENCE, DeadMan
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.client_support.rate import Bucket
 from axisbus.errors import ArgumentError, AxisbusError, Replaced, StateError
 from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk
 from axisbus.gateway.zenoh.command_table import JOG, STOPS, BridgeAction, act_of
-from axisbus.gateway.zenoh.execute import RUNNING, CommandExecutor, DeferredReplies, Reply, failed, perform
+from axisbus.gateway.zenoh.execute import (
+    RUNNING,
+    CommandExecutor,
+    DeferredReplies,
+    Reply,
+    failed,
+    perform,
+    stop,
+)
 from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
@@ -44,6 +53,7 @@ class Commands:
         self._jogs = Jogs()
         self._rate: tuple[str, Bucket] = "", Bucket()  # of the holder of the lease
         self._stops: OrderedDict[Hashable, CommandExecutor] = OrderedDict()
+        self._merged = MergedStops(machine)
 
     def take(self, verb: str, ask: CommandAsk, reply: Reply) -> None:
         """Execute a command; ``reply`` is called at its end, in any thread, or after 2 s with ``running``."""
@@ -74,7 +84,7 @@ class Commands:
             under_way = self._stops.get(key)
             if under_way is not None and under_way.busy:
                 return under_way
-            self._stops[key] = doing = perform(self._machine, act)
+            self._stops[key] = doing = stop(self._merged, act)
             self._stops.move_to_end(key)
             while len(self._stops) > _STOPS:
                 self._stops.popitem(last=False)
@@ -88,6 +98,7 @@ class Commands:
             return again
         guest, now = self._commanded(ask)
         act = act_of(verb, ask, tuple(guest.axes))
+        self._merged.overtake(act.axes)
         if verb == JOG:
             if self._ledger.passed(ask.client, ask.id):
                 self._jogs.jog(guest, ask.client, act, now)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import math
 import threading
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import TypedDict, cast
 
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import ArgumentError, AxisbusError
 from axisbus.machine.axis import Axis
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.command_status import Status
 from axisbus.web.commands.authorize import PageAction
@@ -43,10 +43,6 @@ def _pressed(axis: Axis, values: Mapping[str, float]) -> Handle:
 
 
 _CALLS: dict[PageVerb, Callable[[Axis, Mapping[str, float]], Handle]] = {
-    PageVerb.QUICK_STOP_ALL: lambda axis, _: axis.quick_stop(),
-    PageVerb.HALT_ALL: lambda axis, _: axis.halt(),
-    PageVerb.QUICK_STOP: lambda axis, _: axis.quick_stop(),
-    PageVerb.HALT: lambda axis, _: axis.halt(),
     PageVerb.ENABLE: lambda axis, _: axis.enable(),
     PageVerb.DISABLE: lambda axis, _: axis.disable(),
     PageVerb.RESET: lambda axis, _: axis.reset(),
@@ -59,59 +55,39 @@ _CALLS: dict[PageVerb, Callable[[Axis, Mapping[str, float]], Handle]] = {
 }
 
 
+_STOPS = {
+    PageVerb.QUICK_STOP_ALL: "quick_stop",
+    PageVerb.HALT_ALL: "halt",
+    PageVerb.QUICK_STOP: "quick_stop",
+    PageVerb.HALT: "halt",
+}
+
+
 def perform(machine: Machine, act: PageAction) -> list[Handle]:
-    """Give the commands of an action; if one is refused at the call, the others are given nevertheless.
+    """Give the commands of an action that is no stop, as ``stop``."""
+    call = _CALLS[act.verb]
+    return _each(act, lambda name: call(machine[name], act.values))
+
+
+def stop(stops: MergedStops, act: PageAction) -> list[Handle]:
+    """Give the stops of an action; if one is refused at the call, the others are given nevertheless.
 
     Raises:
         AxisbusError: as the calls of the library (several: the first of them).
     """
-    call, handles, errors = _CALLS[act.verb], list[Handle](), list[Exception]()
+    return _each(act, lambda name: stops.give(name, _STOPS[act.verb]))
+
+
+def _each(act: PageAction, give: Callable[[str], Handle]) -> list[Handle]:
+    handles, errors = list[Handle](), list[Exception]()
     for name in act.axes:
         try:
-            handles.append(call(machine[name], act.values))
+            handles.append(give(name))
         except Exception as error:  # noqa: BLE001  # the other axes have to be stopped in any case
             errors.append(error)
     if errors:
         raise errors[0]
     return handles
-
-
-SPACING = 0.05  # seconds between two equal stops of an axis
-_OF_ALL = {PageVerb.QUICK_STOP_ALL: PageVerb.QUICK_STOP, PageVerb.HALT_ALL: PageVerb.HALT}
-
-
-class SpacedStops:
-    """Give the stops of all pages to the machine; holds when each axis was last stopped. For one thread.
-
-    Any page may stop at any rate, and all pages share one connection to the core, which accepts 500 messages per second of a
-    program and lets the others wait in order. So a flood of stops would delay the stops and the motions of the other pages by
-    seconds. Of equal stops of an axis within ``SPACING``, the first is given at once, and one more at the end of that time.
-    """
-
-    def __init__(self, machine: Machine) -> None:
-        self._machine = machine
-        self._given: dict[tuple[PageVerb, str], float] = {}
-        self._waiting: set[tuple[PageVerb, str]] = set()
-
-    def give(self, act: PageAction, now: float) -> list[Handle]:
-        """Stop the axes of an action; return the commands that were given at once. Raises as ``perform``."""
-        verb, due = _OF_ALL.get(act.verb, act.verb), list[str]()
-        for name in act.axes:
-            if now - self._given.get((verb, name), -math.inf) < SPACING:
-                self._waiting.add((verb, name))
-            else:
-                self._given[verb, name] = now
-                due.append(name)
-        return perform(self._machine, PageAction(verb, tuple(due)))
-
-    def look(self, now: float) -> None:
-        """Give the waiting stops that are due; to be called at least every 50 ms."""
-        for verb, name in [each for each in self._waiting if now - self._given[each] >= SPACING]:
-            self._waiting.discard((verb, name))
-            self._given[verb, name] = now
-            with suppress(AxisbusError):  # the axes show the result
-                for handle in perform(self._machine, PageAction(verb, (name,))):
-                    look_at_end(handle)
 
 
 def take_command(machine: Machine) -> Handle:
