@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import pytest
 
 from axisbus.cia301.nmt import NmtState
+from axisbus.cli.shared import enabled_axes
 from axisbus.errors import Stopped
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
@@ -95,6 +97,18 @@ def test_without_a_machine_halt_and_similar_commands_are_refused(axisbus, tmp_pa
     assert code == 1
     assert f"no machine of {path} is running on this computer, and {verb} " in err
     assert "a machine that is just starting can be joined after it has booted" in err
+
+
+def test_a_second_interrupt_while_axes_are_disabled_again_is_reported(monkeypatch, capsys):
+    """The first one has ended the command; the axes that it had enabled may still be enabled."""
+
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Machine, "try_attach", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        enabled_axes._disable_again(Path("cell.toml"), ["x", "y"])
+    assert "check x, y: it is not known whether it is enabled (interrupted)" in capsys.readouterr().err
 
 
 def test_a_machine_whose_core_is_in_the_program_cannot_be_shared(axisbus, tmp_path):

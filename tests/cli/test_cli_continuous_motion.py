@@ -59,6 +59,33 @@ def test_a_value_missing_in_the_drive_is_reported_before_it_is_enabled(axisbus, 
 
 
 @pytest.mark.parametrize(
+    "words",
+    [
+        ("velocity", "x=30", "--acceleration", "15"),
+        ("torque", "x=0.5", "--slope", "0.25"),
+    ],
+    ids=lambda words: words[0],
+)
+def test_a_command_suspended_before_its_set_value_is_reached_is_halted_by_the_core(
+    axisbus, cell, words, monkeypatch
+):
+    """Its ramp lasts 2 s. Of a suspended command (Ctrl-Z) nothing arrives any more, so that nothing else would end the motion."""
+    monkeypatch.setattr(
+        "axisbus.cli.shared.enabled_axes.machine_of", lambda path, **_: Machine.simulated(path)
+    )
+    hold = Machine.hold_to_run
+
+    def until_it_moves(self, *seconds):
+        if self["x"].state is AxisState.STANDSTILL:
+            hold(self, *seconds)
+
+    monkeypatch.setattr(Machine, "hold_to_run", until_it_moves)
+    code, _, err = axisbus(words[0], cell, *words[1:], "--for", "0")
+    assert code == 3, err
+    assert "sent no confirmation for 0.5 s" in err
+
+
+@pytest.mark.parametrize(
     ("words", "told"),
     [
         (("velocity", "x=1e9"), "x"),

@@ -27,8 +27,8 @@ from axisbus.motion.command_status import Status
 from axisbus.version import __version__
 
 
-def state(n, run="a", *, age=0.0, clock=100.0, told="Standstill", position=1.0):
-    return AxisStateMessage(n, run, clock, "deg", told, age, position=position)
+def state(n, run="a", *, age=0.0, clock=100.0, told="Standstill", position=1.0, sent=None):
+    return AxisStateMessage(n, run, clock, "deg", told, age, position=position, sent=sent)
 
 
 def info(run="a", *, protocol=PROTOCOL, version=__version__, clock=100.0):
@@ -70,6 +70,27 @@ def test_late_and_duplicate_values_change_nothing(watch):
 def test_a_value_unknown_to_the_cell_is_unknown_here(watch, odd):
     watch.take_state("x", odd, 10.0, 100.0)
     assert not watch.seen("x", 10.0).fresh
+
+
+def test_states_that_a_congested_network_delivers_late_but_regularly_are_not_fresh(watch):
+    """The delay grows to 3 s while ten states a second arrive. The bridge's clock differs by 500 s, and its clock is slow."""
+
+    def receive(n, at, delay):
+        watch.take_state("x", state(n, age=0.01, sent=(at - delay) * (1.0 - 1e-4) + 500.0), at, 100.0)
+        return watch.seen("x", at)
+
+    for n in range(1, 100):
+        assert receive(n, n / 10, 0.02 * (n % 3)).fresh
+    for n in range(100, 200):
+        delay = (n - 100) * 0.03
+        seen = receive(n, n / 10, delay)
+        assert seen.age == pytest.approx(delay, abs=0.1)
+        assert seen.fresh is (seen.age <= FRESH)
+    assert not watch.seen("x", 20.0).fresh
+    assert receive(200, 20.5, 0.0).fresh
+    watch.token(False, 21.0)  # its computer is suspended for an hour, and so is its monotonic clock
+    watch.token(True, 3620.0)
+    assert receive(201, 3621.0, 3600.0).fresh
 
 
 def test_the_state_of_an_unreachable_cell_is_not_fresh_at_once(watch):

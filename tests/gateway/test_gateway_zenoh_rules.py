@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import itertools
 import math
 import os
 import socket
@@ -31,6 +32,7 @@ from axisbus.gateway.zenoh.lease import SECONDS, CellLease, LeasePhase
 from axisbus.gateway.zenoh.publishing import AT_ONCE, KEPT, BridgeEventLog, Happened, state_of
 from axisbus.gateway.zenoh.service import ZenohQuery
 from axisbus.machine.axis import Axis
+from axisbus.motion.states import AxisState
 from axisbus.record.recording_data import Recorded, RecordedSeries
 
 HELD = CellLease().taking("anna", "Anna").taken("t1", 10.0)
@@ -247,6 +249,57 @@ def test_a_client_with_too_many_commands_is_refused_and_may_still_stop(desk):
     told = [desk.do("set_override", number, "x", factor=1.0).status for number in range(1, 140)]
     assert (told[0], told[-1]) == ("done", "error")
     assert desk.do("halt", 999).status == "done"
+
+
+def test_a_flood_of_stops_is_given_to_the_core_as_a_few_in_their_order(desk, monkeypatch):
+    """All clients stop through one connection to the core, which takes 500 messages a second."""
+    desk.do("enable", 1)
+    given, halt = [], Axis.halt
+    monkeypatch.setattr(Axis, "halt", lambda axis: given.append(axis.name) or halt(axis))
+    told, x = [], desk.machine["x"]
+
+    def flood(client):
+        for number in range(100):
+            desk.commands.take("halt", CommandAsk(client, number, "", ("x",)), told.append)
+
+    flood("guest")
+    x.move_velocity(50.0)  # of another program: it ends the first halt, and one more follows
+    desk.machine.sleep(0.5)
+    assert x.state is AxisState.STANDSTILL
+    assert len(given) == 2
+    flood("another")
+    assert (
+        desk.do("move_velocity", 2, "x", velocity=50.0).status == "done"
+    )  # after the halts, as they were given
+    desk.machine.sleep(0.5)
+    assert x.velocity == pytest.approx(50.0, abs=1.0)
+    assert len(given) == 3
+    assert desk.do("halt", 1, "x", client="third").status == "done"
+    assert x.velocity == pytest.approx(0.0, abs=0.1)
+
+
+def test_a_client_jogs_several_axes_each_with_its_own_presses(desk):
+    """``FleetAxis.jog`` numbers the presses of each axis from 1."""
+    desk.do("enable", 1)
+    numbers = itertools.count(2)
+
+    def jog(axis, press, late=0.0):
+        desk.now += 0.02
+        desk.holding.lease = HELD.renewed(desk.now)
+        desk.machine.sleep(0.02)
+        return desk.do("jog", next(numbers), axis, velocity=20.0, press=press, sent=desk.now - late)
+
+    for press in (1, 2, 3):
+        assert jog("x", press).status == "running"
+    for _ in range(10):  # both buttons are held
+        assert [jog("y", 1).status, jog("x", 3).status] == ["running", "running"]
+    assert desk.machine["x"].velocity == pytest.approx(20.0, abs=1.0)
+    assert desk.machine["y"].velocity == pytest.approx(20.0, abs=1.0)
+    desk.do("halt", next(numbers), "y")
+    assert jog("y", 1).status == "error"
+    assert (
+        "has ended" in jog("y", 2, late=1.0).error.fields["message"]
+    )  # that it is late is seen by those of x
 
 
 def test_a_jog_is_renewed_by_its_queries_but_not_by_late_ones_or_after_a_halt(desk):

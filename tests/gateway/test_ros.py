@@ -240,6 +240,20 @@ def test_repeated_reordered_or_late_messages_are_not_fresh():
     fresh.require(sent(1, 0.0, b"b" * 16), 5.9)  # another publisher, by another clock
 
 
+def test_messages_of_a_publisher_with_a_slow_clock_stay_fresh_and_late_ones_are_late():
+    fresh = Freshness(0.0)
+    for number in range(1, 2000):  # 5.5 h, in which its clock loses 2 s
+        now = number * 10.0
+        fresh._beat = now
+        fresh.require(sent(number, now * (1.0 - 1e-4)), now)
+    fresh._beat = now = 20_000.0
+    with pytest.raises(StateError, match="too late"):
+        fresh.require(sent(2000, now * (1.0 - 1e-4) - 1.1), now)
+    fresh._beat = now = 1e6  # after a long time without a message, too
+    with pytest.raises(StateError, match="too late"):
+        fresh.require(sent(2001, 1e6 - 10.0), now)
+
+
 def test_messages_received_after_a_suspension_of_the_bridge_are_not_fresh():
     fresh = Freshness(0.0)
     fresh.beat(0.1)

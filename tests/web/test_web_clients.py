@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.tokens import Role
@@ -34,6 +35,42 @@ def test_enabling_needs_the_controls_and_a_yes(pages):
     assert "it has not been confirmed" in pages.told(place)[0][1]
     assert pages.machine["x"].state is AxisState.DISABLED
     pages.enabled(place, "x")
+
+
+def test_a_flood_of_stops_is_given_to_the_core_as_a_few_and_the_last_one_counts(pages, monkeypatch):
+    """All pages share one connection to the core, which takes 500 messages a second: an observer could delay the others' stops."""
+    operator, observer = pages.operator(), pages.sit(Role.LOOKER)
+    pages.enabled(operator, "x", "y")
+    given = []
+    for verb in ("halt", "quick_stop"):
+        stop = getattr(Axis, verb)
+
+        def noted(axis, stop=stop, verb=verb):
+            given.append((axis.name, verb))
+            return stop(axis)
+
+        monkeypatch.setattr(Axis, verb, noted)
+    for _ in range(50):
+        for _ in range(20):
+            pages.ask(observer, "halt_all")
+            pages.ask(observer, "halt", "x")
+        pages.pass_(0.02)
+    assert given.count(("x", "halt")) <= 110  # of 2000: at most two in each round
+    assert given.count(("y", "halt")) <= 110  # of 1000
+    pages.ask(operator, "quick_stop", "y")  # another stop does not wait
+    assert given[-1] == ("y", "quick_stop")
+    pages.pass_(0.1)
+    pages.ask(observer, "halt", "x")
+    pages.ask(operator, "move_velocity", "x", values={"velocity": "40"})
+    pages.ask(observer, "halt", "x")  # equal to the one before, which has not ended, but after the command
+    pages.pass_(0.5)
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+    assert pages.machine["x"].state is AxisState.STANDSTILL
+    for _ in range(2):
+        pages.ask(observer, "halt", "x")
+    pages.ask(operator, "move_velocity", "x", values={"velocity": "40"})  # after both
+    pages.pass_(0.5)
+    assert pages.speed() == pytest.approx(40.0, abs=1.0)
 
 
 def test_a_jog_continues_while_it_is_held_and_ends_when_it_is_released(pages):

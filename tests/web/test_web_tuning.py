@@ -118,6 +118,24 @@ def test_the_question_names_the_motion_and_the_limits(pages, place):
     assert "30 deg/s" in pages.last["question"]
 
 
+def test_the_question_names_the_velocity_that_the_override_of_another_program_gives(pages, place):
+    x = pages.machine["x"]
+    for override, words in (
+        (1.5, "at up to 90 deg/s (60 deg/s, and an override of 1.5)"),
+        (0.5, "takes 0.742 s"),
+    ):
+        x.set_override(override)
+        pages.pass_(0.1)
+        pages.step(place, sure=False)
+        pages.go_on(place, 0.5)
+        assert words in (pages.last["question"] if override > 1.0 else pages.told(place)[-1][1])
+    pages.machine.set_override(0.0)
+    pages.pass_(0.1)
+    pages.step(place)
+    assert "x does not move" in pages.told(place)[-1][1]
+    assert pages.speed() == pytest.approx(0.0, abs=0.1)
+
+
 def test_a_position_trial_moves_forth_and_back_and_is_measured(pages, place):
     pages.step(place)
     pages.go_on(place, 1.0)
@@ -133,6 +151,24 @@ def test_a_position_trial_moves_forth_and_back_and_is_measured(pages, place):
         assert float(found["overshoot"].split("%")[0]) < 2.0
         assert found["error"].endswith(" deg")
     assert pages.told(place) == []
+
+
+def test_a_step_that_does_not_arrive_in_time_goes_back_to_its_start_and_not_beyond(pages, place):
+    """Another program slows it down: it has reached about 13 of the 20 degrees when it is sent back."""
+    x = pages.machine["x"]
+    pages.step(place, velocity="30", seconds="1.15")
+    pages.go_on(place, 0.1)
+    x.set_override(0.4)
+    seen = []
+    for _ in range(30):
+        pages.go_on(place, 0.1)
+        seen.append(x.position)
+        if pages.last["phase"] == "back":
+            x.set_override(1.0)
+    assert pages.last["phase"] == "over"
+    assert 10.0 < max(seen) < 18.0
+    assert min(seen) > -0.1
+    assert x.position == pytest.approx(0.0, abs=0.1)
 
 
 def test_every_cycle_of_a_trial_can_be_fetched(pages, place):
@@ -321,9 +357,7 @@ def test_a_stop_during_the_pause_of_a_trial_prevents_the_return(pages, place, do
 
 def test_the_server_s_own_stop_ends_it(pages, place):
     pages.under_way(place)
-    for axis in pages.machine:
-        axis.quick_stop()
-    pages.desk.let_go()
+    pages.desk.stop_all()
     pages.ended(place, "halted, or stopped")
 
 

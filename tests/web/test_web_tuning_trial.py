@@ -217,4 +217,4 @@ def test_of_too_little_there_are_no_figures():
     ],
 )
 def test_how_long_a_step_takes(step, seconds):
-    assert step.takes == pytest.approx(seconds)
+    assert step.takes() == pytest.approx(seconds)

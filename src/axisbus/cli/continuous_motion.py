@@ -74,16 +74,24 @@ class TimedMotion:
             self._rehearse(DryRun(config, known))  # with the values of the drives, before they are enabled
             chosen = movers(machine, self.wanted)
             enable(chosen)
-            follow(
-                machine, [MoverProgress(each, self.begin(each, self.wanted[each.name])) for each in chosen]
-            )
-            for each in chosen:
-                say(f"{each.name}: has {self.wanted[each.name]:g} {self.unit(each)}")
-            _keep(machine, chosen, seconds)
-            wait([each.halt() for each in chosen])
+            try:
+                self._begin(machine, chosen)
+                _keep(machine, chosen, seconds)
+                halts = [each.halt() for each in chosen]
+            finally:  # not before the halts are given: until then nothing else ends the motion
+                machine.hold_to_run(None)
+            wait(halts)
             for each in chosen:
                 say_position(each, "stands at")
         return recording.code
+
+    def _begin(self, machine: Machine, chosen: Sequence[Mover]) -> None:
+        """Start all, and wait until each has its set value. A ramp may be long: the core halts it, too, without this command."""
+        machine.hold_to_run(_HOLD)
+        ways = [MoverProgress(each, self.begin(each, self.wanted[each.name])) for each in chosen]
+        follow(machine, ways, _HOLD)
+        for each in chosen:
+            say(f"{each.name}: has {self.wanted[each.name]:g} {self.unit(each)}")
 
     def _rehearse(self, rehearsal: DryRun) -> None:
         for each in movers(rehearsal, self.wanted):
@@ -106,7 +114,6 @@ def _keep(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> N
                 _require_turning(axis)
             draw("; ".join(speed_text(each) for each in chosen))
     finally:
-        machine.hold_to_run(None)
         draw("")
 
 

@@ -1,4 +1,11 @@
-"""State of one cell, derived from the messages received and their local arrival times; this module reads no clock."""
+"""State of one cell, derived from the messages received and their local arrival times; this module reads no clock.
+
+Theory of operation
+-------------------
+A state arrives with its age, and ages here. The clocks of the two computers are not compared, so the delay of a message is known
+except for their difference: its excess over the delay of the promptest messages counts as age. Otherwise states that a congested
+network, or a client without processor time, delivers late but regularly would be shown as fresh. A constant delay is not seen.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +13,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from axisbus.client_support.dead_man import DeadMan
 from axisbus.fleet.messages import (
     PROTOCOL,
     AxisInfo,
@@ -36,6 +44,7 @@ class LastAxisState(NamedTuple):
 class _Heard:
     state: AxisStateMessage
     at: float
+    late: float  # seconds by which its message took longer than the promptest ones
 
 
 class CellWatch:
@@ -55,6 +64,7 @@ class CellWatch:
         self.run = ""  # the run of the bridge whose messages count
         self.log = EventLog()
         self.clock_difference: float | None = None
+        self._lag = DeadMan()  # of its messages, as of a page that jogs
         self._states: dict[str, _Heard] = {}
         self._over: dict[str, None] = {}  # runs that are over, oldest first
         self._bridges: dict[str, float] = {}  # the bridges that are present, and since when
@@ -65,6 +75,7 @@ class CellWatch:
         """Note that the cell's liveliness token has appeared or disappeared."""
         if there != self.alive:
             self.alive, self.since = there, now
+            self._lag = DeadMan()  # it may be reached by another way, and its clock may have stood still
             self.informed = False  # it may be another machine, with a changed cell file
             self.log.doubt()
 
@@ -88,12 +99,19 @@ class CellWatch:
         if not self._of_now(state.bridge):
             return False
         heard = self._states.get(axis)
-        late = heard is not None and state.n <= heard.state.n
-        if late or (heard is None and len(self._states) >= AXES):
+        overtaken = heard is not None and state.n <= heard.state.n
+        if overtaken or (heard is None and len(self._states) >= AXES):
             return False
-        self._states[axis] = _Heard(state, now)
+        self._states[axis] = _Heard(state, now, self._lateness(state.sent, now))
         self.clock_difference = state.clock - wall
         return True
+
+    def _lateness(self, sent: float | None, now: float) -> float:
+        """Return by how many seconds a message is late; 0 for a bridge that does not say when it was sent."""
+        if sent is None:
+            return 0.0
+        self._lag = self._lag.told(sent, now)
+        return self._lag.lateness(sent, now)
 
     def take_event(self, event: Event) -> bool:
         """Store an event; return whether it is new."""
@@ -111,6 +129,7 @@ class CellWatch:
             del self._over[next(iter(self._over))]
         self.run = run
         self._states.clear()
+        self._lag = DeadMan()
         self.info, self.informed = None, False
         self.log.begin(run)
         return True
@@ -143,7 +162,7 @@ class CellWatch:
         heard = self._states.get(axis)
         if heard is None:
             return None
-        age = None if heard.state.age is None else heard.state.age + (now - heard.at)
+        age = None if heard.state.age is None else heard.state.age + heard.late + (now - heard.at)
         known = age is not None and age <= FRESH and heard.state.state != UNKNOWN
         return LastAxisState(heard.state, age, self.alive and known)
 

@@ -60,6 +60,7 @@ class CellInfo(msgspec.Struct, frozen=True):
 class AxisStateMessage(msgspec.Struct, frozen=True):
     """State of an axis. ``age``: seconds since its process image was made, None if unknown; a value that is too old is None.
 
+    ``sent``: when it was made, in seconds of the bridge's monotonic clock, by which a delay in the network is detected.
     ``position_age``: seconds since the drive's position was received, None if there is none. ``state`` is the PLCopen state,
     ``drive`` the state of CiA 402. Positions are in ``unit``, velocity in ``unit``/s, torque in N·m or as a fraction of the rated
     torque. ``error`` is the message of the axis's error.
@@ -80,6 +81,7 @@ class AxisStateMessage(msgspec.Struct, frozen=True):
     homed: bool | None = None
     error: str | None = None
     position_age: float | None = None
+    sent: float | None = None
 
 
 class Event(msgspec.Struct, frozen=True):

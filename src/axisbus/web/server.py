@@ -23,7 +23,6 @@ from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 
 from axisbus.errors import AxisbusError, StateError
-from axisbus.machine.handle import look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.web.access.acceptor import Acceptor
 from axisbus.web.access.admission import ENTER, STOP
@@ -31,10 +30,7 @@ from axisbus.web.access.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
 from axisbus.web.access.middleware import OWN_SOCKET, SESSION, AccessMiddleware
 from axisbus.web.access.tokens import PageSessions, Role
 from axisbus.web.address import PageAddress
-from axisbus.web.commands.acts import perform
-from axisbus.web.commands.authorize import PageAction
 from axisbus.web.commands.clients import PageClients
-from axisbus.web.commands.verbs import PageVerb
 from axisbus.web.config import file_process
 from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, named
 from axisbus.web.config.report import bounded_texts
@@ -181,9 +177,7 @@ class PageServer:
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # its contents are ignored
         """Quick-stop every axis; the page requests this if its socket does not work."""
-        for handle in perform(self._machine, PageAction(PageVerb.QUICK_STOP_ALL, tuple(self._machine.axes))):
-            look_at_end(handle)  # the axes show the result
-        self._desk.let_go()
+        self._desk.stop_all()
         return Response(status_code=204)
 
     @asynccontextmanager

@@ -146,8 +146,8 @@ def watch_command(place: FleetOptions, every: float | None, count: int | None, a
     """Show the cells of a plant, their axes, newest incidents and recordings until Ctrl-C; commands nothing.
 
     When a cell is lost, it is shown as GONE, and its values as unknown, within about a second. "age" is the age of a value by
-    the clock of the cell's computer, plus the time since this computer received it: clocks are not compared. On a terminal the
-    output is one table, which is updated in place.
+    the clock of the cell's computer, plus its delay beyond that of the promptest messages, plus the time since this computer
+    received it: clocks are not compared. On a terminal the output is one table, which is updated in place.
     """
     live = coloured() and not as_json
     pause = every if every is not None else _REPAINTED if live else _PRINTED

@@ -82,10 +82,14 @@ def _disable_again(cell: Path, names: Sequence[str]) -> None:
     except OwnershipError as error:
         echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
     except (AxisbusError, ExceptionGroup) as error:
-        echo(
-            f"check {', '.join(names)}: it is not known whether it is enabled ({one_line(error)})",
-            err=True,
-        )
+        _say_unknown(names, one_line(error))
+    except BaseException:  # a further Ctrl-C, or SIGTERM
+        _say_unknown(names, "interrupted")
+        raise
+
+
+def _say_unknown(names: Sequence[str], why: str) -> None:
+    echo(f"check {', '.join(names)}: it is not known whether it is enabled ({why})", err=True)
 
 
 def _still_on(cell: Path, names: Sequence[str]) -> list[str]:

@@ -57,16 +57,20 @@ class MoverProgress:
         return f" and {left / speed:.1f} s" if speed > self.whole * _SLOWEST else ""
 
 
-def follow(machine: Machine, ways: Sequence[MoverProgress]) -> None:
+def follow(machine: Machine, ways: Sequence[MoverProgress], hold: float | None = None) -> None:
     """Wait until all have ended; on a terminal, show their progress in a line.
+
+    ``hold``: the seconds of ``Machine.hold_to_run``, which is renewed meanwhile.
 
     Raises:
         ExceptionGroup: as ``wait``.
     """
     handles = [way.handle for way in ways]
-    if is_terminal():
+    if hold is not None or is_terminal():
         try:
             while any(handle.busy for handle in handles):
+                if hold is not None:
+                    machine.hold_to_run(hold)
                 draw("; ".join(way.text() for way in ways))
                 machine.sleep(_REDRAW)
         finally:

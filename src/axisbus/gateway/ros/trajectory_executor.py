@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.gateway.ros.messages import Attachment, attachment_of, trajectory_of
 from axisbus.gateway.ros.trajectory import RosTrajectory, judged, names_to_halt, to_halt
@@ -58,6 +59,7 @@ class Commander:
     ) -> None:
         """``machine`` is joined without control, ``join`` joins it with control; ``tell`` reports to people."""
         self._machine = machine
+        self._stops = MergedStops(machine)
         self._join = join
         self._joints = joints
         self._tell = tell
@@ -127,7 +129,7 @@ class Commander:
             self._halts += 1
         names = to_halt(named, self._machine.axes)
         for name in names:
-            look_at_end(self._machine[name].halt())
+            look_at_end(self._stops.give(name, "halt"))
         self._tell(f"a trajectory without points arrived: {', '.join(names)}: halt", None)
 
     # -- the threads ---------------------------------------------------------------------------------------------------
@@ -245,14 +247,16 @@ def _told(wanted: RosTrajectory) -> str:
 #
 # Theory of operation
 # The clocks of two computers are not compared. The transmission time of a message is known except for the difference of both
-# clocks. So the shortest time of a publisher's messages is stored, and a message that took ``HELD_UP`` longer is late. A program
-# that did not run for a while (suspended, starved) then receives all waiting messages at once: for ``AGAIN`` after that, no
-# message is fresh.
+# clocks. So the shortest time of a publisher's messages is stored, and a message that took ``HELD_UP`` longer is late. The stored
+# time grows by the drift of the clocks: otherwise, if the publisher's clock is slow by 0.1 ms per second, all of its messages would
+# be late after three hours. A program that did not run for a while (suspended, starved) then receives all waiting messages at once:
+# for ``AGAIN`` after that, no message is fresh.
 
 
 HELD_UP = 1.0  # seconds
 AGAIN = 1.0  # seconds
 STOOD = 0.5  # seconds without a call of ``beat``
+_DRIFT = 0.001  # seconds per second: the drift assumed between the clocks of publisher and bridge
 _MESSAGE_FRESHNESS_MOST = 256  # the most remembered publishers
 _REMEDY = "send it again, with another number"
 
@@ -261,6 +265,11 @@ _REMEDY = "send it again, with another number"
 class _Known:
     number: int
     quickest: float  # seconds, including the difference of the clocks
+    at: float  # the time of the last message
+
+    def quickest_at(self, now: float) -> float:
+        """Return the shortest time of a message, with the drift since the last message: at most ``HELD_UP``, however long ago."""
+        return self.quickest + min(HELD_UP, _DRIFT * max(0.0, now - self.at))
 
 
 class Freshness:
@@ -285,8 +294,9 @@ class Freshness:
         """
         way = now - attachment.sent / 1e9
         known = self._known.get(attachment.gid)
-        number, quickest = attachment.number, way if known is None else min(way, known.quickest)
-        self._note(attachment.gid, max(number, number if known is None else known.number), quickest)
+        number, quickest = attachment.number, way if known is None else min(way, known.quickest_at(now))
+        newest = max(number, number if known is None else known.number)
+        self._note(attachment.gid, _Known(newest, quickest, now))
         if now - self._beat > STOOD or now < self._from:
             raise StateError(
                 "a trajectory arrived while the bridge was suspended",
@@ -305,8 +315,8 @@ class Freshness:
                 remedy=_REMEDY,
             )
 
-    def _note(self, gid: bytes, number: int, quickest: float) -> None:
-        self._known[gid] = _Known(number, quickest)
+    def _note(self, gid: bytes, known: _Known) -> None:
+        self._known[gid] = known
         self._known.move_to_end(gid)
         while len(self._known) > _MESSAGE_FRESHNESS_MOST:
             self._known.popitem(last=False)

@@ -7,15 +7,24 @@ import threading
 import time
 from collections import OrderedDict
 from collections.abc import Callable, Collection, Hashable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 from axisbus.client_support.dead_man import SILENCE, DeadMan
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.client_support.rate import Bucket
 from axisbus.errors import ArgumentError, AxisbusError, Replaced, StateError
 from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk
 from axisbus.gateway.zenoh.command_table import JOG, STOPS, BridgeAction, act_of
-from axisbus.gateway.zenoh.execute import RUNNING, CommandExecutor, DeferredReplies, Reply, failed, perform
+from axisbus.gateway.zenoh.execute import (
+    RUNNING,
+    CommandExecutor,
+    DeferredReplies,
+    Reply,
+    failed,
+    perform,
+    stop,
+)
 from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
@@ -44,6 +53,7 @@ class Commands:
         self._jogs = Jogs()
         self._rate: tuple[str, Bucket] = "", Bucket()  # of the holder of the lease
         self._stops: OrderedDict[Hashable, CommandExecutor] = OrderedDict()
+        self._merged = MergedStops(machine)
 
     def take(self, verb: str, ask: CommandAsk, reply: Reply) -> None:
         """Execute a command; ``reply`` is called at its end, in any thread, or after 2 s with ``running``."""
@@ -74,7 +84,7 @@ class Commands:
             under_way = self._stops.get(key)
             if under_way is not None and under_way.busy:
                 return under_way
-            self._stops[key] = doing = perform(self._machine, act)
+            self._stops[key] = doing = stop(self._merged, act)
             self._stops.move_to_end(key)
             while len(self._stops) > _STOPS:
                 self._stops.popitem(last=False)
@@ -88,6 +98,7 @@ class Commands:
             return again
         guest, now = self._commanded(ask)
         act = act_of(verb, ask, tuple(guest.axes))
+        self._merged.overtake(act.axes)
         if verb == JOG:
             if self._ledger.passed(ask.client, ask.id):
                 self._jogs.jog(guest, ask.client, act, now)
@@ -218,11 +229,19 @@ _CLIENTS = 64
 _AGAIN = "release the button, and press it again"
 
 
+@dataclass(slots=True)
+class _Presses:
+    """The buttons of one client: by axis, whether each is held, and its last jog. ``lag`` is that of all of its messages."""
+
+    lag: DeadMan = field(default_factory=DeadMan)
+    held: dict[str, tuple[DeadMan, Handle | None]] = field(default_factory=dict)
+
+
 class Jogs:
-    """Hold the pressed button of each client, and the handle of its last jog; for one thread at a time."""
+    """Hold the pressed buttons of each client, one for each axis, and their last jogs; for one thread at a time."""
 
     def __init__(self) -> None:
-        self._held: OrderedDict[str, tuple[DeadMan, Handle | None]] = OrderedDict()
+        self._clients: OrderedDict[str, _Presses] = OrderedDict()
 
     def jog(self, machine: Machine, client: str, act: BridgeAction, now: float) -> None:
         """Start or continue a jog by one query of a client; ``now`` in s, monotonic. Does not block.
@@ -231,36 +250,40 @@ class Jogs:
             StateError: the press is over, or the query comes too late.
             AxisbusError: the error that ended the jog of this press; or as ``Axis.jog``.
         """
-        before, last = self._held.get(client, (DeadMan(), None))
-        values, axis = act.values, act.axes[0]
+        values, axis, presses = act.values, act.axes[0], self._of(client)
+        before, last = presses.held.get(axis, (DeadMan(), None))
+        lag = presses.lag = presses.lag.told(values["sent"], now)
         direction = math.copysign(1.0, values["velocity"])
         broken = self._broken(last)
         same = before.is_held_by(values["press"])
         deadman = before.ended() if same and broken is not None else before
+        deadman = replace(deadman, shortest=lag.shortest, at=lag.at)
         after = deadman.beaten(values["press"], axis, direction, values["sent"], now)
         over = same and broken is not None
         if over or not after.held:
-            self._keep(client, after.ended(), None)
+            presses.held[axis] = after.ended(), None
             if before.held and not over:
-                machine[before.axis].halt()
+                machine[axis].halt()
             raise broken if over and broken is not None else _late()
         handle = machine[axis].jog(
             values["velocity"], acceleration=values.get("acceleration"), continue_only=same
         )
         look_at_end(handle)
-        self._keep(client, after, handle)
+        presses.held[axis] = after, handle
 
     def stopped(self, axes: Collection[str]) -> None:
         """Note that axes were halted or stopped: clients that jog one of them must press again."""
-        for client, (deadman, handle) in self._held.items():
-            if deadman.axis in axes:
-                self._held[client] = deadman.ended(), handle
+        for presses in self._clients.values():
+            for axis in presses.held.keys() & set(axes):
+                deadman, handle = presses.held[axis]
+                presses.held[axis] = deadman.ended(), handle
 
-    def _keep(self, client: str, deadman: DeadMan, handle: Handle | None) -> None:
-        self._held[client] = deadman, handle
-        self._held.move_to_end(client)
-        while len(self._held) > _CLIENTS:
-            self._held.popitem(last=False)
+    def _of(self, client: str) -> _Presses:
+        presses = self._clients.setdefault(client, _Presses())
+        self._clients.move_to_end(client)
+        while len(self._clients) > _CLIENTS:
+            self._clients.popitem(last=False)
+        return presses
 
     @staticmethod
     def _broken(handle: Handle | None) -> AxisbusError | None:

@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import msgspec
 
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, CommandError
 from axisbus.fleet.messages import CommandAnswer
 from axisbus.gateway.zenoh.command_table import BridgeAction
@@ -55,10 +56,19 @@ class CommandExecutor:
 
 def perform(machine: Machine, act: BridgeAction) -> CommandExecutor:
     """Give a command to each of its axes; if one refuses at the call, the others get it all the same. Does not block."""
+    return _each(act, lambda name: getattr(machine[name], act.call)(**act.values))
+
+
+def stop(stops: MergedStops, act: BridgeAction) -> CommandExecutor:
+    """As ``perform``, for a stop."""
+    return _each(act, lambda name: stops.give(name, act.call))
+
+
+def _each(act: BridgeAction, give: Callable[[str], Handle]) -> CommandExecutor:
     handles, refused = list[Handle](), list[AxisbusError]()
     for name in act.axes:
         try:
-            handles.append(getattr(machine[name], act.call)(**act.values))
+            handles.append(give(name))
         except AxisbusError as error:
             refused.append(error)
         except Exception as error:  # the other axes have to be stopped in any case

@@ -243,7 +243,7 @@ def state_of(
     age = max(0.0, now - snapshot.now)
     unit, error = parameters.units.position.unit, snapshot.error
     if silent or age > OLD:
-        return AxisStateMessage(n, bridge, clock, unit, UNKNOWN, age, error=_told(error))
+        return AxisStateMessage(n, bridge, clock, unit, UNKNOWN, age, error=_told(error), sent=now)
     units = parameters.units
     return AxisStateMessage(
         n,
@@ -261,6 +261,7 @@ def state_of(
         snapshot.homed,
         _told(error),
         None if snapshot.position is None else max(0.0, now - snapshot.position_stamp),
+        now,
     )
 
 

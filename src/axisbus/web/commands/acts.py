@@ -7,6 +7,7 @@ import threading
 from collections.abc import Callable, Mapping
 from typing import TypedDict, cast
 
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import ArgumentError, AxisbusError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle
@@ -42,10 +43,6 @@ def _pressed(axis: Axis, values: Mapping[str, float]) -> Handle:
 
 
 _CALLS: dict[PageVerb, Callable[[Axis, Mapping[str, float]], Handle]] = {
-    PageVerb.QUICK_STOP_ALL: lambda axis, _: axis.quick_stop(),
-    PageVerb.HALT_ALL: lambda axis, _: axis.halt(),
-    PageVerb.QUICK_STOP: lambda axis, _: axis.quick_stop(),
-    PageVerb.HALT: lambda axis, _: axis.halt(),
     PageVerb.ENABLE: lambda axis, _: axis.enable(),
     PageVerb.DISABLE: lambda axis, _: axis.disable(),
     PageVerb.RESET: lambda axis, _: axis.reset(),
@@ -58,16 +55,34 @@ _CALLS: dict[PageVerb, Callable[[Axis, Mapping[str, float]], Handle]] = {
 }
 
 
+_STOPS = {
+    PageVerb.QUICK_STOP_ALL: "quick_stop",
+    PageVerb.HALT_ALL: "halt",
+    PageVerb.QUICK_STOP: "quick_stop",
+    PageVerb.HALT: "halt",
+}
+
+
 def perform(machine: Machine, act: PageAction) -> list[Handle]:
-    """Give the commands of an action; if one is refused at the call, the others are given nevertheless.
+    """Give the commands of an action that is no stop, as ``stop``."""
+    call = _CALLS[act.verb]
+    return _each(act, lambda name: call(machine[name], act.values))
+
+
+def stop(stops: MergedStops, act: PageAction) -> list[Handle]:
+    """Give the stops of an action; if one is refused at the call, the others are given nevertheless.
 
     Raises:
         AxisbusError: as the calls of the library (several: the first of them).
     """
-    call, handles, errors = _CALLS[act.verb], list[Handle](), list[Exception]()
+    return _each(act, lambda name: stops.give(name, _STOPS[act.verb]))
+
+
+def _each(act: PageAction, give: Callable[[str], Handle]) -> list[Handle]:
+    handles, errors = list[Handle](), list[Exception]()
     for name in act.axes:
         try:
-            handles.append(call(machine[name], act.values))
+            handles.append(give(name))
         except Exception as error:  # noqa: BLE001  # the other axes have to be stopped in any case
             errors.append(error)
     if errors:

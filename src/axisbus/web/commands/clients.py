@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 
 from axisbus.client_support.dead_man import DeadMan
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.client_support.rate import Bucket
 from axisbus.errors import AxisbusError, Interrupted, Replaced, seen_of
 from axisbus.machine.handle import Handle, look_at_end
@@ -13,7 +14,7 @@ from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.lease import PageLease, Refusal, Seat
 from axisbus.web.access.tokens import PageSession, Role
-from axisbus.web.commands.acts import direction_of, jog, perform, take_command
+from axisbus.web.commands.acts import direction_of, jog, perform, stop, take_command
 from axisbus.web.commands.authorize import PageAction, decide
 from axisbus.web.commands.node_boots import NodeBoots
 from axisbus.web.commands.object_requests import VERBS as OBJECT_VERBS
@@ -78,6 +79,7 @@ class PageClients:
         self.objects = ObjectRequests()
         self.trials = Trials(machine)
         self.boots = NodeBoots(machine)
+        self._stops = MergedStops(machine)
         self.places: dict[int, PageClient] = {}
 
     def sit(self, session: PageSession, peer: str) -> PageClient:
@@ -124,6 +126,16 @@ class PageClients:
                 self._end_jog(place)
             self._gather(place, now)
         self.trials.look(now)
+
+    def stop_all(self) -> None:
+        """Quick-stop every axis, for a page whose socket does not work.
+
+        Raises:
+            AxisbusError: as ``stop``.
+        """
+        self.let_go()
+        for handle in stop(self._stops, PageAction(PageVerb.QUICK_STOP_ALL, tuple(self._machine.axes))):
+            look_at_end(handle)  # the axes show the result
 
     def let_go(self, axes: Collection[str] | None = None) -> None:
         """End the jogs, and the trial, of these axes (None: all) after a stop; a jog needs a new press to start again."""
@@ -186,9 +198,11 @@ class PageClients:
     def _perform(self, place: PageClient, act: PageAction) -> None:
         if act.verb in STOPS:
             self.let_go(act.axes)
+            place.under_way += [each for each in stop(self._stops, act) if each not in place.under_way]
         else:
             self.trials.end_of(act.axes, act.verb.value)
-        place.under_way += perform(self._machine, act)
+            self._stops.overtake(act.axes)
+            place.under_way += perform(self._machine, act)
         del place.under_way[:-_UNDER_WAY]
 
     def _jog(self, place: PageClient, act: PageAction, ask: PageRequest, now: float) -> None:
@@ -199,6 +213,7 @@ class PageClients:
         place.deadman = before.beaten(ask.press, act.axes[0], direction, ask.sent, now)
         if place.deadman.held:
             self.trials.end_of(act.axes, act.verb.value)
+            self._stops.overtake(act.axes)
             place.jogs.append(jog(self._machine, act, renews=before.is_held_by(ask.press)))
         elif before.held:
             self._halt(place, before.axis)

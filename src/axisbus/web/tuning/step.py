@@ -49,15 +49,15 @@ class TuningStep:
             return cls(axis, TuningStepKind.POSITION, values["distance"], velocity, acceleration, seconds)
         return cls(axis, TuningStepKind.VELOCITY, velocity, abs(velocity), acceleration, seconds)
 
-    @property
-    def takes(self) -> float:
-        """Seconds that one side takes if the axis follows its profile."""
-        ramp = self.velocity / self.acceleration
+    def takes(self, override: float = 1.0) -> float:
+        """Return the seconds that one side takes if the axis follows its profile; ``override`` (> 0) multiplies its velocity."""
+        velocity = self.velocity * override
+        ramp = velocity / self.acceleration
         if self.kind is TuningStepKind.VELOCITY:
             return ramp
         way = abs(self.size)
-        if way >= self.velocity * ramp:
-            return way / self.velocity + ramp
+        if way >= velocity * ramp:
+            return way / velocity + ramp
         return 2.0 * math.sqrt(way / self.acceleration)
 
 
@@ -73,26 +73,35 @@ def question(step: TuningStep, axis: Axis, parameters: AxisParameters) -> str:
         axis.unit,
         f"step({step.size:g} {axis.unit}{'/s' if step.kind is TuningStepKind.VELOCITY else ''})",
     )
-    _require_values(step, AxisCall(parameters, text))
     _require_ready(step, axis, f"{axis.name}.{text}")
+    override = axis.total_override
+    _require_values(step, override, AxisCall(parameters, text))
     here = axis.position
     kept = axis.homed or not parameters.homing.required
     limits = f"Its limits: {_limits(axis.limits, unit, '' if kept else ', after homing')}."
     if step.kind is TuningStepKind.VELOCITY:
-        about = abs(step.size) * (step.seconds + step.takes)
+        about = abs(step.size) * override * (step.seconds + step.takes(override))
         return (
-            f"Turn {axis.name} at {step.size:g} {unit}/s, with {step.acceleration:g} {unit}/s², and stop it after "
+            f"Turn {axis.name} at {_speed(step.size, override, unit)}, with {step.acceleration:g} {unit}/s², and stop it after "
             f"{step.seconds:g} s? It goes from {here:.3f} {unit} by up to {about:.4g} {unit}, and does not come back. {limits}"
         )
     if axis.modulo is None and kept:
         AxisCall(parameters, text).target(here + step.size)
     return (
         f"Move {axis.name} by {step.size:g} {unit}, from {here:.3f} to {here + step.size:.3f} {unit}, at up to "
-        f"{step.velocity:g} {unit}/s with {step.acceleration:g} {unit}/s², and back again after {step.seconds:g} s? {limits}"
+        f"{_speed(step.velocity, override, unit)} with {step.acceleration:g} {unit}/s², and back again after {step.seconds:g} s? "
+        f"{limits}"
     )
 
 
-def _require_values(step: TuningStep, request: AxisCall) -> None:
+def _speed(velocity: float, override: float, unit: str) -> str:
+    """Return the velocity that the axis gets: another program may have set an override."""
+    if override == 1.0:
+        return f"{velocity:g} {unit}/s"
+    return f"{velocity * override:.4g} {unit}/s ({velocity:g} {unit}/s, and an override of {override:g})"
+
+
+def _require_values(step: TuningStep, override: float, request: AxisCall) -> None:
     seconds = request.positive("seconds", step.seconds, "s")
     if request.finite("size", step.size) == 0.0:
         raise ArgumentError(
@@ -108,10 +117,11 @@ def _require_values(step: TuningStep, request: AxisCall) -> None:
         raise ArgumentError(
             f"{request.text}: {seconds:g} s for each side is too long", remedy=f"give at most {LONGEST:g} s"
         )
-    least = step.takes / (1.0 - END)  # otherwise its ramp would count as ripple
+    takes = step.takes(override)
+    least = takes / (1.0 - END)  # otherwise its ramp would count as ripple
     if least > seconds:
         raise ArgumentError(
-            f"{request.text}: the step takes {step.takes:.3g} s, and is recorded for {seconds:g} s",
+            f"{request.text}: the step takes {takes:.3g} s, and is recorded for {seconds:g} s",
             remedy=f"give at least {least:.3g} s for each side, or a smaller step",
         )
 
@@ -127,6 +137,12 @@ def _require_ready(step: TuningStep, axis: Axis, text: str) -> None:
     if axis.state is not AxisState.STANDSTILL:
         why, remedy = REFUSAL.get(axis.state, _MOVES)
         raise StateError(f"{text}: {axis.name} {why}", remedy=remedy)
+    if axis.total_override <= 0.0:
+        raise StateError(
+            f"{text}: {axis.name} does not move",
+            observed="its override is 0",
+            remedy="set it to 1: axis.set_override(1.0), cell.set_override(1.0)",
+        )
     if (
         step.kind is TuningStepKind.VELOCITY
         and axis.modes

@@ -158,16 +158,23 @@ class Trials:
         if running.handle is not None:
             look_at_end(running.handle)  # if it has not arrived, the command back replaces it
         try:
-            running.handle = self._command(step, step.size if do is NextAction.GO else _home(step))
+            running.handle = self._go(step) if do is NextAction.GO else self._return(step)
         except AxisbusError as error:
             running.error = error
             running.trial.disturb(error.message)
 
-    def _command(self, step: TuningStep, size: float) -> Handle:
+    def _go(self, step: TuningStep) -> Handle:
         axis = self._machine[step.axis]
         if step.kind is TuningStepKind.VELOCITY:
-            return axis.move_velocity(size, acceleration=step.acceleration)
-        return axis.move_relative(size, velocity=step.velocity, acceleration=step.acceleration)
+            return axis.move_velocity(step.size, acceleration=step.acceleration)
+        return axis.move_relative(step.size, velocity=step.velocity, acceleration=step.acceleration)
+
+    def _return(self, step: TuningStep) -> Handle:
+        """Send the axis back from its target, not from its position: if it has not arrived, it must not pass its start."""
+        axis = self._machine[step.axis]
+        if step.kind is TuningStepKind.VELOCITY:
+            return axis.move_velocity(0.0, acceleration=step.acceleration)
+        return axis.move_additive(-step.size, velocity=step.velocity, acceleration=step.acceleration)
 
     def _end(self, running: _Running, why: str) -> None:
         """End the trial; halt the axis unless it does not move and no command runs."""
@@ -204,10 +211,6 @@ class Trials:
     def _in_error(self) -> frozenset[str]:
         snapshots = self._machine.session.snapshots
         return frozenset(name for name in snapshots if snapshots[name].state is AxisState.ERRORSTOP)
-
-
-def _home(step: TuningStep) -> float:
-    return 0.0 if step.kind is TuningStepKind.VELOCITY else -step.size
 
 
 # -- Record every cycle of one axis during a trial: the core's thread adds samples, the page's thread takes them -------
