@@ -9,6 +9,7 @@ import time
 
 import pytest
 
+from axisbus.clock import REAL, poll_until
 from axisbus.core.process.rpc_client import RpcClient
 from axisbus.errors import OwnershipError, ScanError, StateError, Stopped
 from axisbus.machine.machine import Machine
@@ -200,3 +201,21 @@ def test_a_core_that_ends_while_a_client_joins_is_reported(machine, file, monkey
 
 
 # The bytes that each of a thousand hostile connections sends to the core, and whether it sends them repeatedly.
+
+
+def test_a_stop_of_a_client_that_gives_commands_without_a_pause_waits_for_none_of_them(machine, file):
+    with Machine.attach(file, command=True, force=True) as guest:
+        x = guest["x"]
+        x.enable().wait(10)
+        handles = [x.move_velocity(20.0 + number % 100 / 100) for number in range(3000)]
+        began = time.monotonic()
+        x.halt().wait(20)
+        assert (
+            time.monotonic() - began < 3.0
+        )  # 6 s and more if all were sent: the core accepts 500 per second
+        poll_until(REAL, lambda: not any(handle.busy for handle in handles), time.monotonic() + 10.0, 0.05)
+        refused = [error for handle in handles if isinstance(error := handle.exception(), StateError)]
+        assert len(refused) > 2000
+        assert "this program gives commands too fast" in refused[-1].message
+        assert "stops are always accepted" in refused[-1].observed
+        assert x.state is AxisState.STANDSTILL

@@ -44,7 +44,7 @@ class Waiting:
         self.command = command
         self.ticket = ticket
         self.axes = _concerned(target, command)
-        self.is_stop = all(type(one) in _STOPS for one in _single(command))
+        self.is_stop = is_stop(command)
         self.taken = False
 
     @property
@@ -57,6 +57,11 @@ class Waiting:
         if self.target != other.target or self.command != other.command:
             return False
         return all(type(one) in _IDEMPOTENT or _is_jog(one) for one in _single(self.command))
+
+
+def is_stop(command: AnyCommand) -> bool:
+    """Whether a command only stops axes, or takes their power: it never waits for others."""
+    return all(type(one) in _STOPS for one in _single(command))
 
 
 class CommandQueue:

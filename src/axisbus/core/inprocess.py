@@ -31,7 +31,7 @@ from axisbus.session import (
     Target,
 )
 
-_PARTS = (
+PARTS = (
     AddPoints,
     ControllerOutput,
 )  # parts of active commands: not commands of their own, and too many to log
@@ -156,7 +156,7 @@ class InProcess:
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
         """As ``AxisSession.submit``."""
-        if not isinstance(command, _PARTS):
+        if not isinstance(command, PARTS):
             self._ledger.give(number, name)  # before it may end
         kept = self._scan.submit(target, command, CommandStatus(name, self._tell, number)).number
         if kept != number:

@@ -90,7 +90,16 @@ class RemoteCore:
         image = ImageReader(process.memory, tuple(cell.axes), self._errors.of)
         io = IoImage(process.memory, len(cell.axes), tuple(cell.io))
         tally = SharedCounters(process.memory, len(cell.axes), len(cell.io))
-        self.session = RemoteSession(self._calls, image, io, tally, self._errors, {}, cell.bus.scan_period)
+        self.session = RemoteSession(
+            self._calls,
+            image,
+            io,
+            tally,
+            self._errors,
+            {},
+            cell.bus.scan_period,
+            joined=process.watchdog is None,
+        )
         self._watchdog_over = threading.Event()
         if process.watchdog is None:  # a joined program has none, and learns only that the core is gone
             self._watchdog_over.set()

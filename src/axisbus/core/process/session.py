@@ -15,17 +15,20 @@ from axisbus.cia301.dropped_frames import Drop
 from axisbus.cia301.frame import BusTraffic
 from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
+from axisbus.core.command_queue import is_stop
+from axisbus.core.inprocess import PARTS
 from axisbus.core.lateness import hanging
 from axisbus.core.process.rpc_client import RpcClient, gone
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.trajectory_feeder import Trajectories
 from axisbus.core.waiting import ThreadWaiter, inherited
-from axisbus.errors import AxisbusError
+from axisbus.errors import AxisbusError, StateError
 from axisbus.interrupt_guard import sheltered
 from axisbus.ipc import messages as m
 from axisbus.ipc.frames import unpacked
 from axisbus.ipc.image import ImageReader
 from axisbus.ipc.io_image import IoImage
+from axisbus.ipc.stream import MessageRate
 from axisbus.motion.command_status import ENDED, Status
 from axisbus.motion.io import IoReading
 from axisbus.motion.snapshot import Snapshot
@@ -45,6 +48,18 @@ log = logging.getLogger("axisbus")
 _ERRORS = 64  # of each axis, which are stored
 _PATIENCE = 0.5  # seconds within which an error must follow its number
 _GONE = "the core of this machine has ended"
+# Commands of a program that has joined: fewer than the core accepts, so that a stop never waits behind them (``clients.SPACING``).
+_BURST = 150
+_SPACING = 0.0025  # seconds
+
+
+def _too_fast(what: str) -> StateError:
+    return StateError(
+        f"{what}: this program gives commands too fast",
+        observed=f"a program that has joined may give {_BURST} commands at once, and {1 / _SPACING:.0f} per second; stops are "
+        "always accepted",
+        remedy="wait for the handles of commands before you give more, and add a short sleep to a loop that gives commands",
+    )
 
 
 class Errors:
@@ -93,8 +108,10 @@ class RemoteSession:
         errors: Errors,
         axes: Mapping[str, AxisFacts],
         period: float,
+        *,
+        joined: bool = False,
     ) -> None:
-        """``axes``: the present axes; ``period``: of the scan, in seconds."""
+        """``axes``: the present axes; ``period``: of the scan, in seconds; ``joined``: to the machine of another program."""
         self._calls = calls
         self._image = image
         self._io = io
@@ -112,6 +129,8 @@ class RemoteSession:
         self._busy: dict[int, str] = {}
         self._asked: tuple[float, str] | None = None  # the stop requested by this program
         self._inherited = False
+        self._rate = MessageRate(_BURST, _SPACING, time.monotonic()) if joined else None
+        self._rating = threading.RLock()  # re-entrant: a signal handler may give a command in here
 
     # -- state of the core ---------------------------------------------------------------------------------------------
 
@@ -238,12 +257,26 @@ class RemoteSession:
         """As ``AxisSession.submit``; a command that is identical to a queued one ends together with it."""
         if self._inherited:
             raise inherited(name)
+        if not is_stop(command) and not isinstance(command, PARTS) and self._is_too_fast():
+            self._busy[number] = name
+            self.tell(m.CommandEvents((CommandEvent(number, Status.ERROR, _too_fast(name), ""),)))
+            return number
         message = m.CODEC.pack(self.trajectories.submit(number, target, command, name))
         self._busy[number] = name
         self._calls.send(message)
         if self._calls.over:
             self.end_all()
         return number
+
+    def _is_too_fast(self) -> bool:
+        """Count a command; return whether the core would delay it. Then a later stop would have to wait behind it."""
+        if self._rate is None:
+            return False
+        with self._rating:
+            left = self._rate.take(time.monotonic())
+            if left < 0.0:
+                self._rate.give_back()
+        return left < 0.0
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
         """As ``AxisSession.listen``; in the thread that delivers events."""
