@@ -8,7 +8,7 @@ from axisbus.cell import reader
 from axisbus.cell.other_protocols import with_dictionaries
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
-from axisbus.drives.gim6010.cell.modules import module_parameters
+from axisbus.drives.gim6010.cell import module_parameters
 from axisbus.errors import ConfigError
 
 CELL = """[bus]

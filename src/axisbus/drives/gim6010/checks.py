@@ -14,20 +14,24 @@ from axisbus.check import limits, modes, ranges
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.check.ids.table import id_of
 from axisbus.cia402 import homing, options
-from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
-from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.identifier import NODES, clashes, free_nodes
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
-from axisbus.drives.gim6010.cell.module import (
+from axisbus.drives.gim6010.cell import (
     LINE_MODES,
     MODBUS,
     READERS,
     TORQUE,
     ModuleConfig,
+    drive_of,
+    is_line,
     line_mode,
+    list_of,
+    module_of,
+    modules_of,
+    settings_of,
 )
-from axisbus.drives.gim6010.cell.modules import drive_of, is_line, list_of, module_of, modules_of, settings_of
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError
@@ -72,7 +76,6 @@ def identifiers(case: CheckContext) -> Problems:
 
 
 def firmware(case: CheckContext) -> Problems:
-    """Check that the module's firmware speaks CAN Simple."""
     for node, _ in _modules(case):
         try:
             version = None if node.firmware is None else Firmware.parse(node.firmware)

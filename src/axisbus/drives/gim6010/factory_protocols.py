@@ -32,8 +32,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.identifier import split
-from axisbus.drives.gim6010.can_simple.messages import command_name
-from axisbus.drives.gim6010.can_simple.states import STATES
+from axisbus.drives.gim6010.can_simple.messages import STATES, command_name
 from axisbus.wording import counted
 
 ENOUGH = 4  # frames that prove a heartbeat
@@ -75,7 +74,6 @@ class Speaker(NamedTuple):
 
     @property
     def plain(self) -> dict[str, object]:
-        """The same as plain values."""
         return {
             "protocol": "CAN Simple" if self.protocol is Protocol.CAN_SIMPLE else "29-bit",
             "node_id": self.node,
@@ -158,7 +156,6 @@ class ProtocolListener:
         return {can_id for can_id in can_ids if split(can_id).node in nodes}
 
     def heard(self) -> list[str]:
-        """Return the modules heard, a line per protocol; empty if there are none."""
         return heard(self.speakers)
 
     def remedies(self) -> list[str]:

@@ -26,11 +26,10 @@ from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
 from axisbus.drives.gim6010.bus.run import interrupts, send, send_parting
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
+from axisbus.drives.gim6010.can_simple.identifier import identifiers
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader
-from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
+from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader, MitSettings, ranges_of
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
 
 _TICKS = 4  # steps of the thread in a period
@@ -164,7 +163,6 @@ class MitControl:
 
     @property
     def is_active(self) -> bool:
-        """Whether the module accepts commands."""
         return self._leader is not None and self._leader.is_running
 
     @property
@@ -188,7 +186,9 @@ class MitControl:
         try:
             while not leader.done:
                 with self._came:
-                    frame = self._turn(leader)
+                    while self._heard:
+                        leader.note(self._heard.popleft())
+                    frame = leader.step(time.monotonic())
                     self._came.notify_all()
                 if frame is not None:
                     self._send(leader, frame)
@@ -198,11 +198,6 @@ class MitControl:
                 self._give_up(leader)
             with self._came:
                 self._came.notify_all()
-
-    def _turn(self, leader: MitLeader) -> Outgoing | None:
-        while self._heard:
-            leader.note(self._heard.popleft())
-        return leader.step(time.monotonic())
 
     def _send(self, leader: MitLeader, frame: Outgoing) -> None:
         try:

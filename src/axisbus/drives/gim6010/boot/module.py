@@ -7,6 +7,7 @@ import math
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, Booted, NodeReport
 from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
+from axisbus.bus.link.channel import Channel
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.scale_proposal import ScaleReport
@@ -14,13 +15,13 @@ from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.boot import identity
-from axisbus.drives.gim6010.boot.discovery import BootChannel, NodeListener
+from axisbus.drives.gim6010.boot.identity import NodeListener
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.can_simple.port.objects import ModuleObjects
 from axisbus.drives.gim6010.can_simple.port.settings import FEEDS, ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.cell.modules import drive_of, list_of, module_of, module_parameters
+from axisbus.drives.gim6010.cell import drive_of, list_of, module_of, module_parameters
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010
@@ -50,7 +51,7 @@ class ModuleBoot:
         cell: CellConfig,
         settings: ModuleSettings,
         objects: ModuleObjects,
-        channel: BootChannel,
+        channel: Channel,
         find_time: float,
     ) -> None:
         """``objects`` are those of the module's port, for the cell file's writes; ``find_time`` (s) limits the first heartbeat."""
@@ -89,13 +90,13 @@ class ModuleBoot:
 
     def _hear(self) -> None:
         listening = self._listening
-        if not listening.wait(self._find_time, lambda: listening.beats.last is not None):
+        if not listening.wait(self._find_time, lambda: listening.pulse.last is not None):
             health = (
                 self._channel.health() or f"nothing is wrong with the channel {self._channel.name} itself"
             )
             raise identity.no_answer_error(listening, self._find_time, health)
         listening.wait(_BEATS)
-        listening.wait(_SELDOM, lambda: len(listening.stamps) > 1)
+        listening.wait(_SELDOM, lambda: len(listening.pulse.stamps) > 1)
         identity.require_one(listening, self._settings.heartbeat)
         self._report.steps.append("heard")
 
@@ -141,7 +142,7 @@ class ModuleBoot:
     def _fault_words(self) -> list[str]:
         if not self._beat_faults:
             return []
-        beat = self._listening.beats.last
+        beat = self._listening.pulse.last
         known = {"axis": 0 if beat is None else beat.axis_error, **self._facts.errors}
         texts = [text for category, word in known.items() for text in faults.words(category, word)]
         unknown = " (its error words are not answered by this firmware)" if self._facts.silent else ""
@@ -193,12 +194,12 @@ class ModuleBoot:
 
     @property
     def _state(self) -> int:
-        beat = self._listening.beats.last
+        beat = self._listening.pulse.last
         return 0 if beat is None else beat.state
 
     @property
     def _beat_faults(self) -> tuple[str, ...]:
-        beat = self._listening.beats.last
+        beat = self._listening.pulse.last
         return () if beat is None else beat.faults
 
     @property

@@ -104,7 +104,7 @@ class CanSimpleParameters(ParametersByNumber):
     @property
     def axis_error(self) -> int:
         """The axis's error word in its last heartbeat, 0 if there was none."""
-        last = self.line.beats.last
+        last = self.line.pulse.last
         return 0 if last is None else last.axis_error
 
     def _clear(self) -> None:

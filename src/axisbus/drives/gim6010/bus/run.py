@@ -103,18 +103,7 @@ class _Watch:
 _LENGTH = 8  # bytes that a remote frame requests
 
 
-class Sends(Protocol):
-    """Destination of the frames: a ``Channel``."""
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """Send a data frame."""
-
-    def send_remote(self, can_id: int, length: int = 0) -> None:
-        """Send a remote frame."""
-
-
-def send(channel: Sends, request: Outgoing) -> None:
-    """Send the frame; raises as ``Channel.send``."""
+def send(channel: Channel, request: Outgoing) -> None:
     if request.remote:
         channel.send_remote(request.can_id, _LENGTH)
     else:

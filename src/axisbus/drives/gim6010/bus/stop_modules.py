@@ -10,7 +10,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.bus.run import send
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.coexistence import identifiers
+from axisbus.drives.gim6010.can_simple.identifier import identifiers
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.stop_without_scan import ModuleRescue
 from axisbus.errors import BusError

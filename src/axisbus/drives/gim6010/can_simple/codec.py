@@ -235,7 +235,6 @@ def _read(
 
 
 def short(place: Identifier, data: bytes, needed: int) -> Unexpected:
-    """Return the ``Unexpected`` for data with too few bytes."""
     details = f"{counted(len(data), 'byte')} where {needed} are needed"
     return _unexpected(place, data, Reason.LENGTH, details)
 

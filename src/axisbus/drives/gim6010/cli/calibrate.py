@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next, say_note
-from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, run_alone, without_remote
+from axisbus.drives.gim6010.cli.bus import (
+    BusOptions,
+    ask,
+    end_by,
+    line_options,
+    run_alone,
+    without_remote,
+    yes_option,
+)
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     ModbusTarget,
     guard,

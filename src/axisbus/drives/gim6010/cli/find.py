@@ -9,7 +9,7 @@ import click
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, look
+from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, look
 from axisbus.drives.gim6010.cli.modbus.registers import tell_errors
 from axisbus.drives.gim6010.cli.module_selection import modbus_options, on_usb, usb_options
 

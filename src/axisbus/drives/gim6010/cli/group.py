@@ -83,7 +83,10 @@ def params() -> None:
 @click.group(
     cls=LazyGroup,
     table=_table(
-        find=("modbus.find", "Ask one node ID after the other; show the state of each module found."),
+        find=(
+            "modbus.registers:find_command",
+            "Ask one node ID after the other; show the state of each module found.",
+        ),
         state=("modbus.registers:state_command", "Show a module: state, errors, modes, position, supply."),
         errors=(
             "modbus.registers:errors_command",

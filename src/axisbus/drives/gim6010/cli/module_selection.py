@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import Decorated
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node
+from axisbus.cli.shared.options import Decorated, packed
+from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, require_node
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     PARITIES,
     ModbusTarget,
@@ -44,7 +44,7 @@ def modbus_options(function: Decorated) -> Decorated:
     """Add --modbus and --parity to a command with bus options and --node; ``serial`` gets a ``ModbusTarget`` or None."""
 
     @functools.wraps(function)
-    def packed(modbus: str | None, parity: str | None, **rest: Any) -> Any:
+    def call(modbus: str | None, parity: str | None, **rest: Any) -> Any:
         return function(serial=_target(modbus, parity, rest), **rest)
 
     parity_option = click.option(
@@ -55,7 +55,7 @@ def modbus_options(function: Decorated) -> Decorated:
         metavar="PORT",
         help="Use RS485, by this serial port; -b is then the rate of the port.  [default: 115200]",
     )
-    return port_option(parity_option(packed))
+    return port_option(parity_option(call))
 
 
 def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> ModbusTarget | None:
@@ -97,7 +97,7 @@ def usb_options(function: Decorated) -> Decorated:
     """
 
     @functools.wraps(function)
-    def packed(usb: bool, serial_number: str | None, **rest: Any) -> Any:
+    def call(usb: bool, serial_number: str | None, **rest: Any) -> Any:
         return function(usb=_wanted(usb, serial_number, rest), **rest)
 
     serial_option = click.option(
@@ -109,7 +109,7 @@ def usb_options(function: Decorated) -> Decorated:
     usb_option = click.option(
         "--usb", is_flag=True, help="Use its USB port; the list of endpoints is read from the module."
     )
-    return usb_option(serial_option(packed))
+    return usb_option(serial_option(call))
 
 
 def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
@@ -140,10 +140,9 @@ def on_usb(usb: str) -> Iterator[UsbParameters]:
         UserError: the extra ``usb`` is not installed.
         NodeError: the module is not found, or does not list its parameters.
     """
-    from axisbus.drives.gim6010 import odrive_tree
-    from axisbus.drives.gim6010.usb_parameters import UsbParameters
+    from axisbus.drives.gim6010.usb_parameters import UsbParameters, open_tree
 
-    module = UsbParameters(odrive_tree.open_tree(usb or None))
+    module = UsbParameters(open_tree(usb or None))
     module.open()
     yield module
 
@@ -179,22 +178,9 @@ class ModuleSelection:
 def module_options(function: Decorated) -> Decorated:
     """Add the bus options, --modbus, --usb, --node, --list and --made-for; the command gets them together as ``asked``."""
 
-    command = function
-
-    @functools.wraps(command)
-    def packed(
-        line: BusOptions,
-        node: int | None,
-        listed: Path | None,
-        made_for: str | None,
-        serial: ModbusTarget | None,
-        usb: str | None,
-        **rest: Any,
-    ) -> Any:
-        return command(asked=ModuleSelection(line, node, listed, made_for, serial, usb), **rest)
-
+    asked = packed(ModuleSelection, "asked")(function)
     node_option = click.option("--node", type=click.IntRange(0, 63), help="The module's node ID.")
-    return line_options(node_option(endpoint_options(modbus_options(usb_options(packed)))))
+    return line_options(node_option(endpoint_options(modbus_options(usb_options(asked)))))
 
 
 @contextmanager
@@ -258,11 +244,7 @@ def _over_modbus(serial: ModbusTarget) -> Iterator[ModbusParameters]:
 
 
 def require_can(asked: ModuleSelection, why: str) -> None:
-    """Refuse another connection than CAN if a command works only over CAN.
-
-    Raises:
-        UsageError: another connection is given.
-    """
+    """Refuse another connection than CAN if a command works only over CAN. Raises UsageError: another connection is given."""
     if not asked.over_can:
         way = "--modbus" if asked.usb is None else "--usb"
         raise click.UsageError(f"this cannot be done over {way}: {why}")
@@ -280,11 +262,7 @@ def list_of(asked: ModuleSelection) -> tuple[EndpointList, Firmware]:
 
 
 def backup_of(path: Path) -> ParameterBackup:
-    """Return the backup in a file.
-
-    Raises:
-        UserError, ArgumentError: the file cannot be read, or is not a backup.
-    """
+    """Return the backup in a file. Raises UserError, ArgumentError: the file cannot be read, or is not a backup."""
     from axisbus.drives.gim6010.parameters import backup
 
     return backup.read(text_of(path).decode("utf-8", "replace"), path.name)

@@ -11,8 +11,7 @@ import click
 
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.plugin_options import SimOption
-from axisbus.drives.gim6010.sim.constants import MOST_NODE_ID
-from axisbus.drives.gim6010.sim.firmware import EXTENDED, FACTORY, Firmware
+from axisbus.drives.gim6010.sim.constants import EXTENDED, FACTORY, MOST_NODE_ID, Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds.builtin import PREFIX
 from axisbus.eds.io.reader import load
@@ -31,7 +30,6 @@ class CanSimple(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     name = "id[:firmware]"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Wanted:
-        """Convert text to both."""
         node_id, _, firmware = str(value).partition(":")
         try:
             found = int(node_id), Firmware.read(firmware or str(FACTORY))
@@ -56,7 +54,6 @@ def modules(wanted: Sequence[Wanted]) -> list[Module]:
 
 
 def told(wanted: Sequence[Wanted]) -> str:
-    """Return the text about the served modules."""
     each = (
         f"node {node_id} with firmware {firmware}"
         + (", in its 29-bit protocol" if firmware >= EXTENDED else "")
@@ -72,7 +69,6 @@ class Modbus(CanSimple):
     """A node ID from 1 to 63, and a firmware version: 1, 5:0.5.14."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Wanted:
-        """Convert text to both."""
         found = super().convert(value, param, ctx)
         if not found[0]:
             self.fail("0 is the broadcast address of Modbus: give a node ID from 1 to 63", param, ctx)

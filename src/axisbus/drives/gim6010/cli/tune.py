@@ -10,8 +10,7 @@ import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import Seconds
-from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import require_node, run_alone, without_remote
+from axisbus.drives.gim6010.cli.bus import ask, end_by, require_node, run_alone, without_remote, yes_option
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     module_options,

@@ -7,11 +7,11 @@ together with those of a cycle, so that another thread that finds the scan dead 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
 from functools import partial
-from typing import NoReturn, Protocol
+from typing import NoReturn
 
 from axisbus.boot.objects import Progress
+from axisbus.bus.link.channel import Channel
 from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.frame import CanFrame
@@ -19,10 +19,10 @@ from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
-from axisbus.drives.gim6010.can_simple.coexistence import identifiers
+from axisbus.drives.gim6010.can_simple.identifier import identifiers
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.cell.modules import no_objects
+from axisbus.drives.gim6010.cell import no_objects
 from axisbus.errors import BusError
 
 _LENGTH = 8
@@ -30,34 +30,12 @@ _KEPT = 1000  # queued frames: more means that the scan does not run
 _Stop = tuple[tuple[tuple[int, bytes], ...], tuple[tuple[int, bytes], ...]]
 
 
-class ModuleFrameSource(Protocol):
-    """The source of the modules' frames: a ``Channel``."""
-
-    @property
-    def offs(self) -> int:
-        """How often its controller was bus-off."""
-
-    @property
-    def off(self) -> BusError | None:
-        """The reason of a present bus-off; None without one."""
-
-    @property
-    def last_off(self) -> BusError | None:
-        """The reason of the last bus-off."""
-
-    def subscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
-        """Call ``receiver`` with the frames of an identifier."""
-
-    def unsubscribe(self, can_id: int, receiver: Callable[[bytes, float], None]) -> None:
-        """End the subscription."""
-
-
 class ModuleSender:
     """Holds the port of a module, its received frames, and the frames to send in this cycle."""
 
     asks = True  # requests messages by remote frames
 
-    def __init__(self, channel: ModuleFrameSource, settings: ModuleSettings) -> None:
+    def __init__(self, channel: Channel, settings: ModuleSettings) -> None:
         """Listen on ``channel`` from now on."""
         self.port = ModulePort(settings)
         self.node = ModuleNode(self.port)
@@ -73,14 +51,12 @@ class ModuleSender:
 
     @property
     def node_id(self) -> int:
-        """The node-ID of CAN Simple."""
         return self.port.settings.node
 
     # -- the scan's port ---------------------------------------------------------------------------------------------
 
     @property
     def capabilities(self) -> Capabilities:
-        """As ``Port.capabilities``."""
         return self.port.capabilities
 
     def read(self, now: float) -> Inputs:
@@ -103,13 +79,11 @@ class ModuleSender:
             self.node.emcy.incidents.booted(hearing.restarted_at or 0.0)
 
     def write(self, outputs: Outputs) -> None:
-        """As ``Port.write``."""
         self.port.write(outputs)
 
     # -- the cycle of the bus ----------------------------------------------------------------------------------------
 
     def take_frames(self) -> list[tuple[int, bytes]]:
-        """As ``CycleSender.take_frames``."""
         frames = self.port.take_frames()
         self._requests = [(each.can_id, _LENGTH) for each in frames if each.remote]
         self._stop = (tuple((each.can_id, each.data) for each in self.port.stop_frames()), ())
@@ -122,7 +96,6 @@ class ModuleSender:
         self.port.forget()
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002  # the port has decided that
-        """As ``CycleSender.take_requests``."""
         requests, self._requests = self._requests, []
         return requests
 
@@ -131,7 +104,6 @@ class ModuleSender:
         return self._stop
 
     def close(self) -> None:
-        """Stop listening."""
         for can_id, receiver in self._receivers.items():
             self._channel.unsubscribe(can_id, receiver)
 
@@ -158,23 +130,18 @@ class NoObjects:
 
     @property
     def node_id(self) -> int:
-        """The node's ID."""
         return self._node_id
 
     def read(self, key: int, subindex: int = 0) -> Value:
-        """Refuse; raises StateError."""
         self._refuse(key, subindex)
 
     def write(self, key: int, subindex: int, value: Value) -> None:  # noqa: ARG002
-        """Refuse; raises StateError."""
         self._refuse(key, subindex)
 
     def write_unchecked(self, key: int, subindex: int, value: int) -> None:  # noqa: ARG002
-        """Refuse; raises StateError."""
         self._refuse(key, subindex)
 
     def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Refuse; raises StateError."""
         self._refuse(index, subindex)
 
     def download(
@@ -186,7 +153,6 @@ class NoObjects:
         way: SdoTransferType = SdoTransferType.AUTO,  # noqa: ARG002
         progress: Progress | None = None,  # noqa: ARG002
     ) -> None:
-        """Refuse; raises StateError."""
         self._refuse(index, subindex)
 
     def _refuse(self, index: int, subindex: int) -> NoReturn:
@@ -205,7 +171,6 @@ class ModuleMonitor:
 
     @property
     def node_id(self) -> int:
-        """The node's ID."""
         return self._port.settings.node
 
     @property
@@ -215,22 +180,18 @@ class ModuleMonitor:
 
     @property
     def reports(self) -> int:
-        """The number of received heartbeats."""
         return self._port.hearing.beats
 
     @property
     def stamp(self) -> float | None:
-        """The time of the last heartbeat."""
         return None if self._port.hearing.beat is None else self._port.hearing.beat_at
 
     @property
     def bootups(self) -> int:
-        """The number of restarts."""
         return self._port.hearing.restarts
 
     @property
     def bootup_stamp(self) -> float | None:
-        """The time of the last restart that was seen."""
         return self._port.hearing.restarted_at
 
     @property
@@ -240,11 +201,9 @@ class ModuleMonitor:
 
     @property
     def deadline(self) -> float:
-        """The time at which the next heartbeat is overdue."""
         return self._port.hearing.silent_from
 
     def overdue(self, now: float) -> bool:
-        """Whether the next heartbeat is overdue."""
         return self._port.hearing.is_silent(now)
 
 

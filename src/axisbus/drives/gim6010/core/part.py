@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection
 from contextlib import AbstractContextManager
 from functools import partial
-from typing import Any, NoReturn, Protocol
+from typing import Any, NoReturn
 
 from axisbus.boot.report import Booted
 from axisbus.bus.link.channel import Channel
@@ -16,31 +16,22 @@ from axisbus.cia402.port import Port
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.other_protocols import CorePart, SimulatedGuest
 from axisbus.core.simulated_nodes import SimulatedNode
-from axisbus.drives.gim6010.boot.discovery import BootChannel
 from axisbus.drives.gim6010.boot.module import ModuleBoot
 from axisbus.drives.gim6010.bus.stop_modules import stop_modules
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
-from axisbus.drives.gim6010.cell.modules import modules_of, settings_by_axis, settings_of
-from axisbus.drives.gim6010.core.module_port import ModuleFrameSource, ModuleSender, NoObjects
-from axisbus.drives.gim6010.sim.firmware import FACTORY, Firmware
+from axisbus.drives.gim6010.cell import modules_of, settings_by_axis, settings_of
+from axisbus.drives.gim6010.core.module_port import ModuleSender, NoObjects
+from axisbus.drives.gim6010.sim.constants import FACTORY, Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.registry import make_of
 from axisbus.errors import StateError
 from axisbus.link import StopResult
 
 
-class ModuleChannel(BootChannel, ModuleFrameSource, Protocol):
-    """The channel of the modules, from their boot on: a ``bus.link.channel.Channel``."""
-
-
 class CanSimpleModules:
     """Holds the sender of each module, from the opening of the bus on, and its boot result."""
 
-    def __init__(
-        self,
-        cell: CellConfig,
-        channel: ModuleChannel,
-    ) -> None:
+    def __init__(self, cell: CellConfig, channel: Channel) -> None:
         """Begin to listen; nothing is sent."""
         self._cell = cell
         self._channel = channel
@@ -57,13 +48,7 @@ class CanSimpleModules:
         """As ``CellConnection.boot``, before the scan begins; ``find_time`` (s) is the limit for the first heartbeat."""
         sender = self._senders[node_id]
         port = sender.port
-        boot = ModuleBoot(
-            self._cell,
-            port.settings,
-            port.objects,
-            self._channel,
-            find_time,
-        )
+        boot = ModuleBoot(self._cell, port.settings, port.objects, self._channel, find_time)
         booted = boot.run()
         port.feed_within(boot.feed_within)
         self._booted[node_id] = booted
@@ -82,15 +67,12 @@ class CanSimpleModules:
 
     @property
     def events(self) -> list[NodeEvents]:
-        """Their events; available after ``begin``."""
         return list(self._events.values())
 
     def ports(self, node_id: int) -> dict[str, Port]:
-        """As ``CellConnection.ports``."""
         return dict.fromkeys(self._booted[node_id].parameters, self._senders[node_id])
 
     def parts(self, node_id: int) -> NodeParts:
-        """As ``CellConnection.parts``."""
         sender = self._senders[node_id]
         eds = description(sender.port.settings)
         return NodeParts(
@@ -105,7 +87,6 @@ class CanSimpleModules:
         )
 
     def close(self) -> None:
-        """Stop listening."""
         for sender in self._senders.values():
             sender.close()
 

@@ -12,7 +12,7 @@ from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.state import PowerState, decode
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.heartbeat import ALL, HeartbeatLayout, Heartbeats
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.finder import Finder
 from axisbus.drives.gim6010.discovery.questions import CanopenFacts, SimpleFacts
@@ -60,7 +60,6 @@ class DiscoveredModule:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """The same as plain values, for JSON."""
         return {
             "protocol": self.protocol.value,
             "node_id": self.node,

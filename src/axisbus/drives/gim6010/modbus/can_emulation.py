@@ -39,9 +39,8 @@ from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR, ErrorType
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, Message
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, HEARTBEAT_FIELDS, IDLE, Message
 from axisbus.drives.gim6010.can_simple.messages import named as message_named
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.can_emulation_commands import (
     BRAKE,
@@ -96,13 +95,11 @@ def heartbeat(node: int, state: int, flags: int, axis_error: int, life: int) -> 
 
 
 def message(node: int, name: str, values: Mapping[str, Number]) -> Told:
-    """Return a module's message with all of its fields."""
     found = message_named(name)
     return can_id(node, found.command), pack_places(each.place(values[each.name]) for each in found.answer)
 
 
 def error_word(node: int, word: int) -> Told:
-    """Return the answer to Get_Error."""
     return can_id(node, message_named("Get_Error").command), word.to_bytes(8, "little")
 
 
@@ -146,7 +143,6 @@ class RelayedModule:
     # Messages to the module.
 
     def hear(self, told: DecodedMessage | MessageRequest) -> None:
-        """Take a message addressed to the module."""
         question = self._question(told)
         if question is not None:
             if len(self._questions) < _MOST:
@@ -188,7 +184,6 @@ class RelayedModule:
 
     @property
     def has_orders(self) -> bool:
-        """Whether a command waits to be carried out."""
         return bool(self._orders)
 
     @property
@@ -459,7 +454,6 @@ class Relay:
 
     @property
     def is_idle(self) -> bool:
-        """Whether every command was carried out."""
         return not self._came and not any(each.has_orders for each in self._modules.values())
 
     def _sort(self) -> None:

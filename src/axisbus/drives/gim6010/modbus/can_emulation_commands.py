@@ -9,7 +9,7 @@ from enum import Enum
 from axisbus.drives.gim6010.calibration import CalibrationKind
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage
 from axisbus.drives.gim6010.can_simple.fields import Number
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, IDLE
 
 Writes = tuple[tuple[str, Number], ...]
 # In this order, each write alone brakes or changes nothing; a torque set-point may be added to the output of the velocity loop.

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
-from axisbus.drives.gim6010.can_simple.protected_parameters import protected
+from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint, protected
 from axisbus.errors import ArgumentError, NodeError
 
 NODE_ID = "axis0.config.can.node_id"
@@ -53,11 +52,7 @@ def require_writable(path: str, *, by_name: bool) -> None:
 
 
 def require_setting(endpoint: Endpoint, *, by_name: bool) -> None:
-    """Check that a parameter can be written and read back here.
-
-    Raises:
-        ArgumentError: it cannot, or as ``require_writable``.
-    """
+    """Check that a parameter can be written and read back here. Raises ArgumentError: it cannot, or as ``require_writable``."""
     require_writable(endpoint.path, by_name=by_name)
     if not endpoint.writable:
         raise ArgumentError(f"{endpoint.path} cannot be written", remedy="it is read-only")

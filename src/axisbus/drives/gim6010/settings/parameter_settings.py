@@ -275,11 +275,7 @@ _UNNAMED = "the manual names 500000 and 1000000 bit/s alone: if the module does 
 
 
 def bit_rate(rate: int) -> ParameterBatch:
-    """Return the parameters that set a bit rate (bit/s).
-
-    Raises:
-        ArgumentError: the bit rate is not in ``RATES``.
-    """
+    """Return the parameters that set a bit rate (bit/s). Raises ArgumentError: the bit rate is not in ``RATES``."""
     if rate not in RATES:
         raise ArgumentError(f"{rate} bit/s cannot be set", remedy=f"give one of {', '.join(map(str, RATES))}")
     return ParameterBatch(((BIT_RATE, rate),), () if rate in RATES[2:] else (_UNNAMED,))

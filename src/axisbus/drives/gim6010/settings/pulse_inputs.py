@@ -120,7 +120,6 @@ class PulseMapping:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks for the user."""
         never = () if self.zero is not None else ("no pulse means 0: a pulse never means standstill",)
         return (self.follows.value.note, *never, _LOST, _WIRE)
 
@@ -180,7 +179,6 @@ class Pulses:
 
     @property
     def in_all(self) -> int:
-        """Number of pulses in the whole range."""
         return self.per_turn * self.turns
 
     @property
@@ -196,7 +194,6 @@ class Pulses:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks for the user."""
         whole = math.isclose(self.turns % GEAR_RATIO, 0.0)
         odd = (
             f"after {counted(self.turns, 'turn')} of the rotor the output is not at its start position, at {GEAR_RATIO}:1",

@@ -17,9 +17,8 @@ from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, request
-from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, IDLE, named
 from axisbus.drives.gim6010.can_simple.orders import TRAPEZOID, VELOCITY
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.direct_motion import ModuleMotionProcedure, ModuleMotionStage
 from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
 from axisbus.step_response import Response, measure

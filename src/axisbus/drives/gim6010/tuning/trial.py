@@ -57,7 +57,6 @@ class Gains:
         return {each.name: value for each in fields(self) if (value := getattr(self, each.name)) is not None}
 
     def frames(self, node: int) -> tuple[Outgoing, ...]:
-        """Return the frames that set the gains."""
         position = () if self.position is None else (encode(node, _POS_GAIN, {"Pos_Gain": self.position}),)
         if self.velocity is None or self.integrator is None:
             return position
@@ -200,7 +199,6 @@ class GainSearch:
 
     @property
     def name(self) -> str:
-        """Name of the gain in the firmware."""
         return _NAMES[self.loop]
 
     def take(self, response: Response) -> None:

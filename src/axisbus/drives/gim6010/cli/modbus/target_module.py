@@ -138,10 +138,7 @@ def line_of(
     target: ModbusTarget, listed: Listed | None = None, *, calibrates: bool = False
 ) -> Iterator[Channel]:
     """Open the port as the channel of the module, whose registers are polled from now on; ``listed`` and ``calibrates`` as for
-    ``Relay``.
-
-    Raises:
-        As ``opened``.
+    ``Relay``. Raises as ``opened``.
     """
     from axisbus.drives.gim6010.bus.one_module_line import open_line
 
@@ -203,11 +200,7 @@ def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Fi
 
 
 def text_of(path: Path) -> bytes:
-    """Return the contents of a file.
-
-    Raises:
-        UserError: the file cannot be read.
-    """
+    """Return the contents of a file. Raises UserError: the file cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

@@ -16,7 +16,7 @@ import click
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import BitRate
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node, survey
+from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, require_node, survey
 from axisbus.drives.gim6010.cli.modbus.registers import rename
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,

@@ -1,26 +1,149 @@
-"""The modules among a cell's nodes, the settings of their ports, and their axes as CiA 402 drives."""
+"""The modules among a cell's nodes: the settings of their tables, which no message reports, and their axes as CiA 402 drives."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from axisbus.cell import scale_proposal
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.model import AxisConfig, BusConfig, CellConfig, NodeConfig
-from axisbus.cell.other_protocols import NodeFrame
+from axisbus.cell.other_protocols import CellPart, NodeFrame
 from axisbus.cell.parameters import axis_parameters
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
-from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.identifier import can_id, commands_to, sent_by
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
 from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
-from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.port.settings import (
+    HEARTBEAT,
+    HEARTBEAT_BY_LINE,
+    ModuleSettings,
+    TorqueSettings,
+)
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE, description
-from axisbus.drives.gim6010.cell.module import MODBUS, ModuleConfig
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, StateError
 from axisbus.motion.parameters import AxisParameters
+from axisbus.toml import value_readers as v
+from axisbus.toml.tables import CellKey, SourceLocation
+
+CAN_SIMPLE, MODBUS = "can_simple", "modbus"
+_HOLDING = "-hold"
+
+# Each key with its reader, and the remedy if a required key is missing.
+READERS: Mapping[str, tuple[v.ValueReader, str]] = {
+    "velocity_limit": (
+        v.positive,
+        "velocity_limit = 20.0, turns/s of the rotor, sent with Set_Limits",
+    ),
+    "current_limit": (v.positive, "current_limit = 10.0, A, sent with Set_Limits; at most 50"),
+    "velocity_ramp": (
+        v.positive,
+        "velocity_ramp = the module's axis0.controller.config.vel_ramp_rate, in turns/s²: its quick stop brakes with it",
+    ),
+    "acceleration": (
+        v.positive,
+        "acceleration = 80.0, turns/s² of the trapezoidal profile that follows a path",
+    ),
+    "filter_bandwidth": (v.positive, ""),
+    "gear_ratio": (v.positive, ""),
+    "torque_constant": (v.positive, ""),
+    "torque_ramp": (v.positive, ""),
+    "endpoints": (v.text, ""),
+}
+WORDS: Mapping[str, str] = {
+    "velocity_limit": "Velocity limit sent to the module, in turns/s of the rotor.",
+    "current_limit": "Current limit sent to the module, in A, at most 50.",
+    "velocity_ramp": "The module's vel_ramp_rate, in turns/s²: a quick stop brakes with it.",
+    "acceleration": "Acceleration of the trapezoidal profile with which it follows a path, in turns/s².",
+    "filter_bandwidth": "The module's input_filter_bandwidth, in rad/s: then it follows a path by its filter.",
+    "gear_ratio": "Turns of the rotor for one turn of the output; torques need it.",
+    "torque_constant": "The module's torque_constant, in N·m/A of the rotor; torques need it.",
+    "torque_ramp": "The module's torque_ramp_rate, in N·m/s of the rotor; torques need it.",
+    "endpoints": "The list of endpoints of its firmware, a path: boot uses it to read which watchdogs are armed, to reset "
+    "them.",
+}
+TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
+# The modes of a module on RS485 beside homing, of which its axis has one: the mode is set in idle.
+LINE_MODES: Mapping[str, ModeOfOperation] = {
+    "pp": ModeOfOperation.PROFILE_POSITION,
+    "pv": ModeOfOperation.PROFILE_VELOCITY,
+    "tq": ModeOfOperation.PROFILE_TORQUE,
+}
+
+
+def line_mode(modes: Collection[str] | None) -> ModeOfOperation:
+    """Return the mode of a module on RS485 by ``modes`` of its axis: the first of ``LINE_MODES`` that it names, by default pp."""
+    named = [mode for word, mode in LINE_MODES.items() if word in (modes or ())]
+    return named[0] if named else ModeOfOperation.PROFILE_POSITION
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleConfig:
+    """The values of ``[nodes.N.can_simple]`` or ``[nodes.N.modbus]``, on the rotor's side of the gear; None: left out."""
+
+    velocity_limit: float = 0.0
+    current_limit: float = 0.0
+    velocity_ramp: float = 0.0
+    acceleration: float = 0.0
+    filter_bandwidth: float | None = None
+    gear_ratio: float | None = None
+    torque_constant: float | None = None
+    torque_ramp: float | None = None
+    endpoints: str | None = None
+    at: SourceLocation = field(default=SourceLocation(), compare=False)
+    protocol: str = CAN_SIMPLE
+
+    def settings(
+        self,
+        node_id: int,
+        rated_torque: float | None,
+        period: float,
+        quick_stop: str | None,
+        *,
+        remote: bool = True,
+        relayed: bool = False,
+        modes: Collection[str] | None = None,
+    ) -> ModuleSettings:
+        """Return the settings of the module's port.
+
+        If ``rated_torque`` (N·m, of the axis, at the output) is None, or a key of ``TORQUE`` is missing, the port has no torques.
+        ``period`` (s) is the scan period, ``quick_stop`` the word of ``[axes.NAME.stop]``. ``remote``: whether the bus carries
+        remote frames. ``relayed``: the module is on a serial line, where ``modes`` of its axis select its mode.
+
+        Raises:
+            ArgumentError, LimitError: a value is not valid for a module.
+        """
+        by_line = line_mode(modes)
+        has_torque = not relayed or by_line is ModeOfOperation.PROFILE_TORQUE
+        return ModuleSettings(
+            node_id,
+            self.velocity_limit,
+            self.current_limit,
+            self.velocity_ramp,
+            self.acceleration,
+            period,
+            heartbeat=HEARTBEAT_BY_LINE if relayed else HEARTBEAT,
+            torque=self._torque(rated_torque) if has_torque else None,
+            filter_bandwidth=self.filter_bandwidth,
+            quick_stop_holds=quick_stop is not None and quick_stop.endswith(_HOLDING),
+            remote=remote,
+            relayed=relayed,
+            line_mode=by_line if relayed else ModeOfOperation.PROFILE_POSITION,
+        )
+
+    def _torque(self, rated: float | None) -> TorqueSettings | None:
+        if (
+            rated is None
+            or self.gear_ratio is None
+            or self.torque_constant is None
+            or self.torque_ramp is None
+        ):
+            return None
+        return TorqueSettings(self.torque_constant, abs(rated) / self.gear_ratio, self.torque_ramp)
+
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
@@ -36,7 +159,6 @@ def is_line(bus: BusConfig) -> bool:
 
 
 def modules_of(cell: CellConfig) -> list[int]:
-    """Return the node-IDs of a cell's modules."""
     return sorted(node.node_id for node in cell.nodes.values() if module_of(node) is not None)
 
 
@@ -46,7 +168,6 @@ def module_of(node: NodeConfig) -> ModuleConfig | None:
 
 
 def no_objects(node_id: int, what: str) -> StateError:
-    """Return the error for using a module as a CANopen node."""
     return StateError(
         f"node {node_id} uses CAN Simple or Modbus, not CANopen: {what}",
         remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
@@ -202,3 +323,25 @@ def module_parameters(cell: CellConfig, name: str) -> AxisParameters:
         ),
         torque_slope=None if turning is None else round(turning.ramp / turning.rated * 1000),
     )
+
+
+# -- The part of the plug-in that reads and describes the modules of a cell --------------------------------------------
+
+
+PART = CellPart(
+    keys={key: CellKey(*each) for key, each in READERS.items()},
+    descriptions=WORDS,
+    tables={
+        CAN_SIMPLE: "Properties that a module with CAN Simple does not report.",
+        MODBUS: "The same for a module on RS485: as [nodes.N.can_simple], with endpoints, without filter; torques for the mode tq.",
+    },
+    settings=lambda protocol, fields: ModuleConfig(**fields, protocol=protocol),
+    dictionaries=descriptions,
+    parameters=module_parameters,
+    frames=module_frames,
+    sent_by=sent_by,
+    commands_to=commands_to,
+    adapter_options=line_options,
+    no_objects=no_objects,
+    no_virtual_time=no_virtual_time,
+)
