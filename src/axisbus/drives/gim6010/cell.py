@@ -11,6 +11,7 @@ from axisbus.cell.axis_description import Drive
 from axisbus.cell.model import AxisConfig, BusConfig, CellConfig, NodeConfig
 from axisbus.cell.other_protocols import CellPart, NodeFrame
 from axisbus.cell.parameters import axis_parameters
+from axisbus.cia301.tables import rows
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
 from axisbus.drives.gim6010.can_simple.identifier import can_id, commands_to, sent_by
@@ -32,38 +33,11 @@ from axisbus.toml.tables import CellKey, SourceLocation
 CAN_SIMPLE, MODBUS = "can_simple", "modbus"
 _HOLDING = "-hold"
 
+_KEYS = rows(__package__, "cell_keys.tsv")
+_KINDS = {"positive": v.positive, "text": v.text}
 # Each key with its reader, and the remedy if a required key is missing.
 READERS: Mapping[str, tuple[v.ValueReader, str]] = {
-    "velocity_limit": (
-        v.positive,
-        "velocity_limit = 20.0, turns/s of the rotor, sent with Set_Limits",
-    ),
-    "current_limit": (v.positive, "current_limit = 10.0, A, sent with Set_Limits; at most 50"),
-    "velocity_ramp": (
-        v.positive,
-        "velocity_ramp = the module's axis0.controller.config.vel_ramp_rate, in turns/s²: its quick stop brakes with it",
-    ),
-    "acceleration": (
-        v.positive,
-        "acceleration = 80.0, turns/s² of the trapezoidal profile that follows a path",
-    ),
-    "filter_bandwidth": (v.positive, ""),
-    "gear_ratio": (v.positive, ""),
-    "torque_constant": (v.positive, ""),
-    "torque_ramp": (v.positive, ""),
-    "endpoints": (v.text, ""),
-}
-WORDS: Mapping[str, str] = {
-    "velocity_limit": "Velocity limit sent to the module, in turns/s of the rotor.",
-    "current_limit": "Current limit sent to the module, in A, at most 50.",
-    "velocity_ramp": "The module's vel_ramp_rate, in turns/s²: a quick stop brakes with it.",
-    "acceleration": "Acceleration of the trapezoidal profile with which it follows a path, in turns/s².",
-    "filter_bandwidth": "The module's input_filter_bandwidth, in rad/s: then it follows a path by its filter.",
-    "gear_ratio": "Turns of the rotor for one turn of the output; torques need it.",
-    "torque_constant": "The module's torque_constant, in N·m/A of the rotor; torques need it.",
-    "torque_ramp": "The module's torque_ramp_rate, in N·m/s of the rotor; torques need it.",
-    "endpoints": "The list of endpoints of its firmware, a path: boot uses it to read which watchdogs are armed, to reset "
-    "them.",
+    row["key"]: (_KINDS[row["kind"]], row["remedy"]) for row in _KEYS
 }
 TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
 # The modes of a module on RS485 beside homing, of which its axis has one: the mode is set in idle.
@@ -330,7 +304,7 @@ def module_parameters(cell: CellConfig, name: str) -> AxisParameters:
 
 PART = CellPart(
     keys={key: CellKey(*each) for key, each in READERS.items()},
-    descriptions=WORDS,
+    descriptions={row["key"]: row["words"] for row in _KEYS},
     tables={
         CAN_SIMPLE: "Properties that a module with CAN Simple does not report.",
         MODBUS: "The same for a module on RS485: as [nodes.N.can_simple], with endpoints, without filter; torques for the mode tq.",
