@@ -46,40 +46,12 @@ def state_words(state: int) -> str:
 LENGTH = 8  # bytes of every data frame sent (4.1.1)
 
 
-class Direction(Enum):
-    """Sender of a message."""
-
-    TO_MODULE = "to the module"
-    FROM_MODULE = "from the module"
-    BOTH = "both ways"
-
-
 class MessageRequestMethod(Enum):
     """How a master requests a message."""
 
     NEVER = ""  # it never sends it, or only unasked
     EMPTY = "by a remote frame, or by eight bytes of 0"
     WITH_DATA = "by a data frame that names the requested value"
-
-
-class Effect(Enum):
-    """Side effect of a message that a user must know beforehand."""
-
-    NONE = ""
-    STOPS = "stops the axis"
-    TURNS = "may turn the motor without a set-point"
-    REBOOTS = "restarts the module"
-    SHIFTS_ZERO = "shifts the position"
-    MOVES_IDENTIFIER = "changes the identifiers that the module answers to"
-
-
-class MessageSupport(Enum):
-    """Whether owners report that a module accepts or answers the message over CAN."""
-
-    YES = "owners saw it work"
-    NO_REPORT = "not reported by owners"
-    SILENT = "owners got no answer"
-    OTHERWISE = "owners' reports contradict the manual"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -95,19 +67,10 @@ class Message:
     sent: tuple[MessageField, ...] = ()
     answer: tuple[MessageField, ...] = ()
     asked: MessageRequestMethod = MessageRequestMethod.NEVER
-    effect: Effect = Effect.NONE
-    heard: MessageSupport = MessageSupport.NO_REPORT
     shortest: int = 0
 
     def __repr__(self) -> str:
         return f"<{self.command:02X}h {self.name}>"
-
-    @property
-    def direction(self) -> Direction:
-        """Direction of its data; a request without data does not count."""
-        if not self.answer:
-            return Direction.TO_MODULE
-        return Direction.BOTH if self.sent else Direction.FROM_MODULE
 
     @property
     def answer_bytes(self) -> int:
@@ -159,8 +122,6 @@ def _read() -> Iterator[Message]:
             sent,
             answer,
             MessageRequestMethod[row["asked"]],
-            Effect[row["effect"]],
-            MessageSupport[row["heard"]],
             int(row["shortest"] or 0),
         )
 
