@@ -163,8 +163,7 @@ def errors_command(
 def _errors_over_usb(usb: str, *, as_json: bool) -> int:
     from axisbus.drives.gim6010 import faults
 
-    with on_usb(usb) as module:
-        words = module.error_words()
+    words = on_usb(usb).error_words()
     if as_json:
         say_json(words)
     else:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import string
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -132,8 +132,7 @@ def usb_words_of(usb: str) -> str:
     return "--usb" if usb == ANY else f"--usb --serial {usb}"
 
 
-@contextmanager
-def on_usb(usb: str) -> Iterator[UsbParameters]:
+def on_usb(usb: str) -> UsbParameters:
     """Find a module on USB and read its list; blocks some seconds.
 
     Raises:
@@ -144,7 +143,7 @@ def on_usb(usb: str) -> Iterator[UsbParameters]:
 
     module = UsbParameters(open_tree(usb or None))
     module.open()
-    yield module
+    return module
 
 
 # -- The module of a command: its bus, its list of endpoints, and the module itself, opened and verified ----------------
@@ -177,7 +176,6 @@ class ModuleSelection:
 
 def module_options(function: Decorated) -> Decorated:
     """Add the bus options, --modbus, --usb, --node, --list and --made-for; the command gets them together as ``asked``."""
-
     asked = packed(ModuleSelection, "asked")(function)
     node_option = click.option("--node", type=click.IntRange(0, 63), help="The module's node ID.")
     return line_options(node_option(endpoint_options(modbus_options(usb_options(asked)))))
@@ -193,8 +191,7 @@ def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
         AdapterError, NodeError: bus or port cannot be opened, or the module does not answer.
     """
     if asked.usb is not None:
-        with on_usb(asked.usb) as module:
-            yield module
+        yield on_usb(asked.usb)
         return
     listed, made_for = list_of(asked)
     with _by_endpoints(asked) if asked.serial is None else _over_modbus(asked.serial) as listing:
@@ -216,22 +213,18 @@ def _over_can(asked: ModuleSelection, make: Callable[[SimpleLine], _Client]) -> 
         yield client
 
 
-@contextmanager
-def by_message(asked: ModuleSelection) -> Iterator[ModuleByMessage]:
+def by_message(asked: ModuleSelection) -> AbstractContextManager[ModuleByMessage]:
     """Open the module to set it by messages alone, without a list of endpoints; raises as ``opened``."""
     require_can(asked, "it is a message of CAN Simple")
     from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
 
-    with _over_can(asked, ModuleByMessage) as module:
-        yield module
+    return _over_can(asked, ModuleByMessage)
 
 
-@contextmanager
-def _by_endpoints(asked: ModuleSelection) -> Iterator[CanSimpleParameters]:
+def _by_endpoints(asked: ModuleSelection) -> AbstractContextManager[CanSimpleParameters]:
     from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
 
-    with _over_can(asked, CanSimpleParameters) as module:
-        yield module
+    return _over_can(asked, CanSimpleParameters)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any
 
@@ -22,6 +22,9 @@ _SEVERAL = (
     "several modules have this node ID: the values may be from any of them; connect them one by one and give each "
     "its own"
 )
+
+
+_JSON_NAMES = {"node": "node_id", "ours": "gim6010", "words": "error_words"}
 
 
 class ProtocolsFound(Enum):
@@ -60,23 +63,11 @@ class DiscoveredModule:
 
     @property
     def plain(self) -> dict[str, Any]:
-        return {
+        named = {_JSON_NAMES.get(each.name, each.name): getattr(self, each.name) for each in fields(self)}
+        return named | {
             "protocol": self.protocol.value,
-            "node_id": self.node,
-            "addresses": list(self.addresses),
-            "several": self.several,
-            "gim6010": self.ours,
-            "device": self.device,
-            "heartbeat": self.heartbeat,
             "firmware": self.firmware or None,
-            "serial": self.serial,
-            "state": self.state,
-            "enabled": self.enabled,
-            "voltage": self.voltage,
             "error_words": dict(self.words),
-            "errors": list(self.errors),
-            "endpoints": self.endpoints,
-            "notes": list(self.notes),
         }
 
 

@@ -195,8 +195,7 @@ def to_can_simple_command(line: BusOptions, node: int | None, usb: str | None) -
 
     wanted = protocol(CAN_SIMPLE)
     if usb is not None:
-        with on_usb(usb) as module:
-            put(module, wanted, save=True)
+        put(on_usb(usb), wanted, save=True)
         say("saved: it restarted, and speaks CAN Simple")
         return OK
     node = require_node(node)
@@ -272,14 +271,14 @@ def set_id_command(
 
 
 def _over_usb(usb: str, new: int, *, save: bool) -> int:
-    with on_usb(usb) as module:
-        before = module.node
-        module.set_node_id(new)
-        say(f"node ID {new} (was {before}), in RAM")
-        if save:
-            module.save()
-            say("saved: it restarted, and has it")
-        else:
-            say_next(f"save it: axisbus gim6010 set-id {new} {usb_words_of(usb)}")
+    module = on_usb(usb)
+    before = module.node
+    module.set_node_id(new)
+    say(f"node ID {new} (was {before}), in RAM")
+    if save:
+        module.save()
+        say("saved: it restarted, and has it")
+    else:
+        say_next(f"save it: axisbus gim6010 set-id {new} {usb_words_of(usb)}")
     say(f"label it {new}; no other node on its bus may have this ID: axisbus gim6010 find")
     return OK
