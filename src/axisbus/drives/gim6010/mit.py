@@ -14,7 +14,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import NoReturn, Self
@@ -24,10 +23,9 @@ from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
-from axisbus.drives.gim6010.bus.run import interrupts, send, send_parting
+from axisbus.drives.gim6010.bus.run import frames_of, interrupts, send, send_parting
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
-from axisbus.drives.gim6010.can_simple.identifier import identifiers
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
 from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader, MitSettings, ranges_of
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
@@ -74,10 +72,7 @@ class MitControl:
         return made
 
     def __enter__(self) -> Self:
-        for can_id in identifiers(self.settings.node):
-            ear = partial(self._hear, can_id)
-            self._channel.subscribe(can_id, ear)
-            self._stack.callback(self._channel.unsubscribe, can_id, ear)
+        self._stack.enter_context(frames_of(self._channel, self.settings.node, self._heard))
         self._stack.callback(atexit.unregister, self._at_exit)
         atexit.register(self._at_exit)
         self._stack.enter_context(interrupts(self._hear_signal))  # ends first
@@ -211,9 +206,6 @@ class MitControl:
         leader.give_up(
             "the thread of this program has failed: damping and idle were sent, and their effect was not checked"
         )
-
-    def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
-        self._heard.append(CanFrame(stamp, can_id, bytes(data)))
 
     # Stopping.
 

@@ -7,7 +7,7 @@ together with those of a cycle, so that another thread that finds the scan dead 
 from __future__ import annotations
 
 from collections import deque
-from functools import partial
+from contextlib import ExitStack
 from typing import NoReturn
 
 from axisbus.boot.objects import Progress
@@ -19,7 +19,7 @@ from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import NmtCommand, NmtState
 from axisbus.cia301.sdo import SdoTransferType
 from axisbus.cia402.port import Capabilities, Inputs, Outputs
-from axisbus.drives.gim6010.can_simple.identifier import identifiers
+from axisbus.drives.gim6010.bus.run import frames_of
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.cell import no_objects
@@ -43,9 +43,8 @@ class ModuleSender:
         self._offs = channel.offs
         self._channel = channel
         self._heard: deque[CanFrame] = deque(maxlen=_KEPT)
-        self._receivers = {can_id: partial(self._hear, can_id) for can_id in identifiers(settings.node)}
-        for can_id, receiver in self._receivers.items():
-            channel.subscribe(can_id, receiver)
+        self._listening = ExitStack()
+        self._listening.enter_context(frames_of(channel, settings.node, self._heard))
         self._requests: list[tuple[int, int]] = []
         self._stop: _Stop = ((), ())
 
@@ -104,8 +103,7 @@ class ModuleSender:
         return self._stop
 
     def close(self) -> None:
-        for can_id, receiver in self._receivers.items():
-            self._channel.unsubscribe(can_id, receiver)
+        self._listening.close()
 
     def _bus_off(self) -> BusError | None:
         """Return the reason of a bus-off, at least once for each bus-off, however short it was."""
@@ -113,9 +111,6 @@ class ModuleSender:
         if self._channel.off is None and offs == self._offs:
             return None
         return self._channel.off or self._channel.last_off
-
-    def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
-        self._heard.append(CanFrame(stamp, can_id, bytes(data)))
 
 
 # ----------------------------------------------------------------------------------------------------------------------

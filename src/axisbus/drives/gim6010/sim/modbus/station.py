@@ -14,9 +14,9 @@ import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import IntEnum
-from pathlib import Path
 from typing import NamedTuple
 
+from axisbus.cia301.tables import rows
 from axisbus.drives.gim6010.sim.constants import FACTORY, AxisState, Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.sim.parameters import Value
@@ -44,14 +44,14 @@ ENDPOINT, ENDPOINT_VALUE = 0xA1, 0xA2
 POSITION, VELOCITY = 0x0F, 0x11
 POSITION_TARGET = 0x66
 STATES = (1, 3, 4, 7, 8, 11)
-_ROWS = [
-    line.split("\t")
-    for line in Path(__file__).with_suffix(".tsv").read_text("utf-8").splitlines()
-    if not line.startswith("#")
-]
+_ROWS = rows(__package__, "station.tsv")
 INPUTS, HOLDINGS = (
-    {int(address, 16): RegisterAddress(kind, path) for bank, address, kind, path in _ROWS if bank == wanted}
-    for wanted in ("input", "holding")
+    {
+        int(row["address"], 16): RegisterAddress(row["kind"], row["path"])
+        for row in _ROWS
+        if row["bank"] == bank
+    }
+    for bank in ("input", "holding")
 )
 
 
