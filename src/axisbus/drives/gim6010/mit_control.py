@@ -53,7 +53,7 @@ _PATHS = tuple(f"axis0.controller.config.mit_max_{name}" for name in ("pos", "ve
 
 @dataclass(frozen=True, slots=True)
 class MitSettings:
-    """One module under MIT control.
+    """One module under MIT control; no setting has a default.
 
     ``node`` is 0 to 63. ``ranges`` are those of its firmware: the manual's up to 0.5.14, parameters in later versions; wrong ranges
     give values that are wrong by their ratio. ``gear`` is in turns of the rotor per turn of the output. ``damping`` is the kd, in

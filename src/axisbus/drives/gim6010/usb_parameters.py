@@ -4,7 +4,8 @@ Theory of operation
 -------------------
 No endpoint list is needed: the module provides its own, which always fits its firmware, and a path is accessed by its name. Only
 two functions are called: saving, which restarts the module, and clearing errors. After a restart the module is found by its serial
-number, and all written values are read again.
+number, and all written values are read again. The port is used by the package ``odrive``, the maker's commissioning tool (manual
+v2.2, 3.1).
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ ALONE = 1.0  # s to find a second one
 _LIST = "_dev"  # attribute of odrive's objects with the device data; there is no public one
 
 
-class Gone(Exception):  # named for what happened; only ``usb_parameters`` catches it
+class Gone(Exception):  # named for what happened; only ``UsbParameters`` catches it
     """The module is no longer on the port: it restarts, or was unplugged."""
 
 
