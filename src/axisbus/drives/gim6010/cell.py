@@ -73,24 +73,23 @@ class ModuleConfig:
     def settings(
         self,
         node_id: int,
-        rated_torque: float | None,
+        axis: AxisConfig | None,
         period: float,
-        quick_stop: str | None,
         *,
         remote: bool = True,
         relayed: bool = False,
-        modes: Collection[str] | None = None,
     ) -> ModuleSettings:
-        """Return the settings of the module's port.
+        """Return the settings of the port of the module, which has this ``axis``, or none.
 
-        If ``rated_torque`` (N·m, of the axis, at the output) is None, or a key of ``TORQUE`` is missing, the port has no torques.
-        ``period`` (s) is the scan period, ``quick_stop`` the word of ``[axes.NAME.stop]``. ``remote``: whether the bus carries
-        remote frames. ``relayed``: the module is on a serial line, where ``modes`` of its axis select its mode.
+        If the axis has no rated torque, or a key of ``TORQUE`` is missing, the port has no torques. ``period`` (s) is the scan
+        period. ``remote``: whether the bus carries remote frames. ``relayed``: the module is on a serial line, where the modes of
+        its axis select its mode.
 
         Raises:
             ArgumentError, LimitError: a value is not valid for a module.
         """
-        by_line = line_mode(modes)
+        by_line = line_mode(None if axis is None else axis.modes)
+        quick_stop = None if axis is None else axis.stop.quick_stop
         has_torque = not relayed or by_line is ModeOfOperation.PROFILE_TORQUE
         return ModuleSettings(
             node_id,
@@ -100,7 +99,7 @@ class ModuleConfig:
             self.acceleration,
             period,
             heartbeat=HEARTBEAT_BY_LINE if relayed else HEARTBEAT,
-            torque=self._torque(rated_torque) if has_torque else None,
+            torque=self._torque(axis) if has_torque else None,
             filter_bandwidth=self.filter_bandwidth,
             quick_stop_holds=quick_stop is not None and quick_stop.endswith(_HOLDING),
             remote=remote,
@@ -108,7 +107,8 @@ class ModuleConfig:
             line_mode=by_line if relayed else ModeOfOperation.PROFILE_POSITION,
         )
 
-    def _torque(self, rated: float | None) -> TorqueSettings | None:
+    def _torque(self, axis: AxisConfig | None) -> TorqueSettings | None:
+        rated = None if axis is None else axis.rated_torque
         if (
             rated is None
             or self.gear_ratio is None
@@ -167,15 +167,8 @@ def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
     module = module_of(cell.nodes[node_id])
     assert module is not None
     axis = next(iter(cell.axes_of(node_id)), None)
-    return module.settings(
-        node_id,
-        None if axis is None else axis.rated_torque,
-        cell.bus.scan_period,
-        None if axis is None else axis.stop.quick_stop,
-        remote=carries_remote(cell.bus),
-        relayed=is_line(cell.bus),
-        modes=None if axis is None else axis.modes,
-    )
+    remote, relayed = carries_remote(cell.bus), is_line(cell.bus)
+    return module.settings(node_id, axis, cell.bus.scan_period, remote=remote, relayed=relayed)
 
 
 def settings_by_axis(cell: CellConfig, names: Collection[str]) -> dict[str, ModuleSettings]:

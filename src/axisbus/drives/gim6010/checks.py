@@ -100,14 +100,8 @@ def settings(case: CheckContext) -> Problems:
 
 def _of_axis(case: CheckContext, node: NodeConfig, module: ModuleConfig, axis: AxisConfig) -> Problems:
     try:
-        module.settings(
-            node.node_id,
-            axis.rated_torque,
-            case.cell.bus.scan_period,
-            axis.stop.quick_stop,
-            relayed=node.protocol == MODBUS,
-            modes=axis.modes,
-        )
+        relayed = node.protocol == MODBUS
+        module.settings(node.node_id, axis, case.cell.bus.scan_period, relayed=relayed)
     except (ArgumentError, LimitError) as error:
         yield _refused(case, node.at.line, node, error)
     given = [key for key in TORQUE if getattr(module, key) is not None]

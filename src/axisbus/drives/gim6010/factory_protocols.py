@@ -156,7 +156,16 @@ class ProtocolListener:
         return {can_id for can_id in can_ids if split(can_id).node in nodes}
 
     def heard(self) -> list[str]:
-        return heard(self.speakers)
+        """Return the modules heard, a line per protocol; empty if there are none."""
+        lines, speakers = [], self.speakers
+        for protocol in Protocol:
+            found = [each for each in speakers if each.protocol is protocol]
+            if found:
+                who = counted(len(found), "module speaks", "modules speak")
+                lines.append(
+                    f"{who} {protocol.value}, not CANopen: {', '.join(each.words for each in found)}"
+                )
+        return lines
 
     def remedies(self) -> list[str]:
         """Return what to do about the modules heard, a line per protocol."""
@@ -238,17 +247,6 @@ REMEDIES = {
     Protocol.EXTENDED: "the manufacturer's firmware 0.6.8 and later may use it, and the manual does not describe it: ask the "
     f"manufacturer, or try over USB whether it can be changed ({_SWITCH}, both with --usb)",
 }
-
-
-def heard(speakers: Sequence[Speaker]) -> list[str]:
-    """Return the modules heard, a line per protocol; empty if there are none."""
-    lines = []
-    for protocol in Protocol:
-        found = [each for each in speakers if each.protocol is protocol]
-        if found:
-            who = counted(len(found), "module speaks", "modules speak")
-            lines.append(f"{who} {protocol.value}, not CANopen: {', '.join(each.words for each in found)}")
-    return lines
 
 
 def heartbeat_words(speaker: Speaker, data: bytes) -> str:

@@ -15,7 +15,7 @@ import json
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from typing import Any, NoReturn
+from typing import Any
 
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.endpoints import (
@@ -114,7 +114,13 @@ def open_tree(serial: str | None) -> OdriveTree:
         try:
             return odrive.find_sync(serial_number=wanted, timeout=limit)
         except TimeoutError:
-            _not_found(wanted, limit)
+            raise NodeTimeout(
+                f"no module {'' if wanted is None else f'of serial number {wanted} '}was found on USB",
+                node=0,
+                observed=f"searched for {limit:g} s",
+                remedy="switch its supply on and plug its USB cable in; on Linux this user needs a udev rule (odrivetool prints "
+                "it), and no other program may use it, such as odrivetool",
+            ) from None
         except Exception as error:  # its driver raises any type, for example if another program uses the port
             raise AdapterError(
                 "USB cannot be used",
@@ -153,16 +159,6 @@ def _library() -> tuple[Any, tuple[type[Exception], ...]]:
             remedy='install it: pip install "axisbus[usb]"',
         ) from error
     return odrive, (odrive.DeviceLostException, TransportException)
-
-
-def _not_found(wanted: str | None, seconds: float) -> NoReturn:
-    raise NodeTimeout(
-        f"no module {'' if wanted is None else f'of serial number {wanted} '}was found on USB",
-        node=0,
-        observed=f"searched for {seconds:g} s",
-        remedy="switch its supply on and plug its USB cable in; on Linux this user needs a udev rule (odrivetool prints "
-        "it), and no other program may use it, such as odrivetool",
-    )
 
 
 SOURCE = "the module's own list"
