@@ -453,7 +453,8 @@ class ModuleTuning(ModuleMotionProcedure):
             return self._ask(now)
         if not self._queue:
             self._braked = now
-            self._queue.extend(self._stopping())
+            # velocity first, or the earlier one would apply for a moment
+            self._queue.extend([self._orders.velocity(0.0), self._orders.mode(VELOCITY)])
         return self._queue.popleft()
 
     # Frames.
@@ -465,8 +466,3 @@ class ModuleTuning(ModuleMotionProcedure):
             yield from orders.profile(trial.velocity, trial.acceleration, trial.acceleration)
         yield orders.velocity(0.0)
         yield orders.mode(_MODES[trial.loop])
-
-    def _stopping(self) -> Iterator[Outgoing]:
-        """Yield the frames that brake on the module's own ramp; velocity first, or the earlier one would apply for a moment."""
-        yield self._orders.velocity(0.0)
-        yield self._orders.mode(VELOCITY)

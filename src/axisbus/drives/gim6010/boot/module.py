@@ -154,6 +154,9 @@ class ModuleBoot:
         found = module_parameters(self._cell, axis.name)
         rungs = ladder(axis.name, self._settings, found.stop_times, found.holds_load)
         scale = scale_proposal.compare(found.units.position, self._turns())
+        rated = None
+        if axis.rated_torque is not None:
+            rated = ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module contains it", None)
         warnings = self._report.warnings
         warnings += rungs.warnings
         if scale.agrees is False:
@@ -170,7 +173,7 @@ class ModuleBoot:
                 False,
                 rungs,
                 scale,
-                _rated(axis),
+                rated,
                 promises(found),
             )
         )
@@ -212,12 +215,6 @@ class ModuleBoot:
         gear = None if module is None or module.gear_ratio is None else round(module.gear_ratio * 1000)
         motor = {(o.ENCODER_RESOLUTION, 1): COUNTS_PER_ROTOR_TURN, (o.ENCODER_RESOLUTION, 2): 1}
         return {**motor, (o.GEAR_RATIO, 1): gear, (o.GEAR_RATIO, 2): 1000}
-
-
-def _rated(axis: AxisConfig) -> ScaleReport | None:
-    if axis.rated_torque is None:
-        return None
-    return ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module contains it", None)
 
 
 # -- Describe how the axis of a module stops, and which of its watchdogs notice a dead master, in plain words ----------

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -16,9 +16,6 @@ from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds.builtin import PREFIX
 from axisbus.eds.io.reader import load
 from axisbus.wording import counted
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.sim.modbus.station import Station
 
 _EDS = f"{PREFIX}gim6010-8"  # the EDS of such a module after switching it to CANopen
 Wanted = tuple[int, Firmware]
@@ -86,19 +83,14 @@ def on_terminal(wanted: Sequence[Wanted]) -> Iterator[None]:
     twice = [node_id for node_id, number in Counter(node_id for node_id, _ in wanted).items() if number > 1]
     if twice:
         raise click.UsageError(f"--modbus: two modules have node ID {twice[0]}")
+    from axisbus.drives.gim6010.sim.modbus.station import Station
     from axisbus.drives.gim6010.sim.modbus.terminal import served
 
-    with served(*_stations(wanted)) as terminal:
+    with served(*(Station(node_id, firmware=firmware) for node_id, firmware in wanted)) as terminal:
         each = ", ".join(f"node {node_id} with firmware {firmware}" for node_id, firmware in wanted)
         say(f"{counted(len(wanted), 'simulated module')} GIM6010-8 on RS485: {each}; in another terminal:")
         say(f"  axisbus gim6010 modbus state --port {terminal.path} --node {wanted[0][0]}")
         yield
-
-
-def _stations(wanted: Sequence[Wanted]) -> list[Station]:
-    from axisbus.drives.gim6010.sim.modbus.station import Station
-
-    return [Station(node_id, firmware=firmware) for node_id, firmware in wanted]
 
 
 OPTIONS = (

@@ -158,7 +158,8 @@ class Finder:
         if self.asked is ProbeScope.ALL:
             found: list[int] = []
             yield from self._silent_ones((*NODES, *_TWICE), found, brief=True)
-            yield from self._silent_ones((node for node in NODES if self._is_late(node)), found)
+            late = (node for node in NODES if self.picture.used([can_id(node, questions.VOLTAGE.command)]))
+            yield from self._silent_ones(late, found)
             yield from self._modules(found)
         yield from self._nodes(sorted(self.picture.states))
         if self.asked is ProbeScope.ALL:
@@ -171,9 +172,6 @@ class Finder:
         for node in nodes:
             if node in self.only and node not in self.picture.simple and self._is_free(node):
                 yield self._silent(node, found, brief=brief)
-
-    def _is_late(self, node: int) -> bool:
-        return self.picture.used([can_id(node, questions.VOLTAGE.command)])
 
     def _modules(self, nodes: Collection[int]) -> Iterator[_Asked]:
         for node in nodes:

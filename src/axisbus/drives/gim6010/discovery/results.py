@@ -182,7 +182,7 @@ def _canopen(finder: Finder, node: int) -> DiscoveredModule:
         state=None if state is None else state.value,
         enabled=None if state is None else state in _POWERED,
         voltage=None if questions.SUPPLY not in facts.objects else facts.objects[questions.SUPPLY] / 1000,
-        words=tuple(_object_words(facts)),
+        words=tuple((name, facts.objects[key]) for key, name in _NAMES.items() if key in facts.objects),
         errors=tuple(_canopen_errors(facts)),
         notes=tuple(_canopen_notes(finder, node, facts)),
     )
@@ -197,10 +197,6 @@ _NAMES = {
     faults.ERROR_BITS_LOW: "203Fh",
     faults.ERROR_BITS_HIGH: "203Eh",
 }
-
-
-def _object_words(facts: CanopenFacts) -> list[tuple[str, int]]:
-    return [(name, facts.objects[key]) for key, name in _NAMES.items() if key in facts.objects]
 
 
 def _canopen_errors(facts: CanopenFacts) -> list[str]:

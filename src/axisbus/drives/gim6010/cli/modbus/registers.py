@@ -80,7 +80,12 @@ def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) ->
     )
     if target.listed is None:
         for name in wanted:
-            named(name.removeprefix("odrv0.")) if not is_parameter(name) else _require_list(name)
+            if is_parameter(name):
+                raise click.UsageError(
+                    f"{name!r} is not a register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: "
+                    "--list"
+                )
+            named(name.removeprefix("odrv0."))
     with opened(target) as module:
         known = parameters(target, module) if any(map(is_parameter, wanted)) else None
         found: dict[str, object] = {}
@@ -99,12 +104,6 @@ def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) ->
     if as_json:
         say_json(found)
     return OK
-
-
-def _require_list(name: str) -> None:
-    raise click.UsageError(
-        f"{name!r} is not a register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: --list"
-    )
 
 
 # -- ``axisbus gim6010 modbus state``: print the state of a module -----------------------------------------------------

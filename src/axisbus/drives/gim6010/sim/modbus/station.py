@@ -206,7 +206,8 @@ class Station:
 
     def _value(self, places: dict[int, RegisterAddress], first: int) -> Value:
         module = self.module
-        if places is INPUTS and first in (POSITION, VELOCITY) and self._is_dead:
+        dead = self.dials.dead_in_idle and module.axis.state != AxisState.CLOSED_LOOP
+        if places is INPUTS and first in (POSITION, VELOCITY) and dead:
             return 0.0
         own: dict[int, Callable[[], Value]] = {
             FLAGS: self._flags,
@@ -221,10 +222,6 @@ class Station:
                 ENDPOINT_VALUE: lambda: 0,
             }
         return own[first]() if first in own else module.usb_read(places[first].path)
-
-    @property
-    def _is_dead(self) -> bool:
-        return self.dials.dead_in_idle and self.module.axis.state != AxisState.CLOSED_LOOP
 
     def _flags(self) -> int:
         axis = self.module.axis
