@@ -11,6 +11,7 @@ from axisbus.bus.link.channel import Channel
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.scale_proposal import ScaleReport
+from axisbus.cia301.tables import rows
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.drives.gim6010 import faults
@@ -314,32 +315,23 @@ def _axis(seconds: float | None, *, works: bool) -> str:
 
 def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad) -> StopLadderReport:
     """Return the stop sequence of an axis with the effect of each step; ``times`` are the deadlines of the steps."""
-    at_rest = (
-        "then stays in closed loop and holds its position" if settings.quick_stop_holds else "then power off"
-    )
-    ramp = f"{settings.velocity_ramp:g} turns/s² of the rotor, by the cell file"
-    rows = [
-        (
-            "1 halt",
-            "trapezoid",
-            "brakes with the deceleration of the command, then stays in closed loop and holds"
-            + _within(times.halt),
-        ),
-        (
-            "2 quick stop",
-            "velocity 0",
-            f"brakes on its own vel_ramp_rate ({ramp}), {at_rest}" + _within(times.quick_stop),
-        ),
-        ("3 power off", "idle", _COASTS + _within(times.disable)),
-        ("4 NMT stop", "Estop", "the motor coasts, and its error latches until the axis is reset"),
-        ("on a fault", "", "the module switches its power off: the motor coasts"),
-        ("on a lost link", "", f"{_GOES_ON}: see the watchdog"),
+    holds = settings.quick_stop_holds
+    values = {
+        "ramp": settings.velocity_ramp,
+        "at_rest": "then stays in closed loop and holds its position" if holds else "then power off",
+        "coasts": _COASTS,
+        "goes_on": _GOES_ON,
+        **{name: _within(getattr(times, name)) for name in ("halt", "quick_stop", "disable")},
+    }
+    steps = [
+        (row["step"], row["request"], row["effect"].format(**values))
+        for row in rows(__package__, "stop_sequence.tsv")
     ]
     if holds_load is not HoldsLoad.NO:
-        rows.append(
+        steps.append(
             ("holds a load", "", f"by its {holds_load.value}: never switched off before it is at standstill")
         )
-    return StopLadderReport(axis, tuple(rows), (f"{axis}: power off, and any fault: {_COASTS}",))
+    return StopLadderReport(axis, tuple(steps), (f"{axis}: power off, and any fault: {_COASTS}",))
 
 
 def _within(seconds: float) -> str:

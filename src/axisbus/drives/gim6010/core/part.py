@@ -13,7 +13,6 @@ from contextlib import AbstractContextManager, ExitStack
 from functools import partial
 from typing import Any, NoReturn
 
-from axisbus.boot.objects import Progress
 from axisbus.boot.report import Booted
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvents
@@ -24,7 +23,6 @@ from axisbus.cia301.datatypes import Value
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import NmtCommand, NmtState
-from axisbus.cia301.sdo import SdoTransferType
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Port
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.other_protocols import CorePart, SimulatedGuest
@@ -156,15 +154,7 @@ class NoObjects:
     def upload(self, index: int, subindex: int = 0) -> bytes:
         self._refuse(index, subindex)
 
-    def download(
-        self,
-        index: int,
-        subindex: int,
-        data: bytes,  # noqa: ARG002
-        *,
-        way: SdoTransferType = SdoTransferType.AUTO,  # noqa: ARG002
-        progress: Progress | None = None,  # noqa: ARG002
-    ) -> None:
+    def download(self, index: int, subindex: int, *_: object, **__: object) -> None:
         self._refuse(index, subindex)
 
     def _refuse(self, index: int, subindex: int) -> NoReturn:

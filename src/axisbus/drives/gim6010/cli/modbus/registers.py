@@ -135,16 +135,8 @@ def state_command(target: ModbusTarget, as_json: bool) -> int:
         seen = look(module, tries=3)
         found = {name: module.read(name) for name in _SHOWN}
     if as_json:
-        plain = {name: values.plain(value) for name, value in found.items()}
-        say_json(
-            {
-                "state": seen.state,
-                "flags": seen.flags,
-                "position": seen.position,
-                "velocity": seen.velocity,
-                **plain,
-            }
-        )
+        status = {name: getattr(seen, name) for name in ("state", "flags", "position", "velocity")}
+        say_json(status | {name: values.plain(value) for name, value in found.items()})
         return WRONG if seen.flags else OK
     say(f"module {target.node} is in {state_words(seen.state)}" + (", with errors" if seen.flags else ""))
     for name, value in (("position_feedback", seen.position), ("velocity_feedback", seen.velocity)):
