@@ -113,7 +113,7 @@ def no_answer_error(listening: NodeListener, seconds: float, health: str) -> Boo
         return _told(
             f"node {node} uses CANopen, not CAN Simple",
             node,
-            f"heartbeats of a CANopen node came: {cob_text(node)}",
+            f"heartbeats of a CANopen node came: {0x700 + node:03X}h",
             f'write eds = "builtin:gim6010-8" in [nodes.{node}] instead of protocol = "can_simple"',
         )
     if listening.extended:
@@ -130,11 +130,6 @@ def no_answer_error(listening: NodeListener, seconds: float, health: str) -> Boo
         "check its supply, cable and termination, its node ID and bit rate, and that its heartbeat_rate_ms is 100; "
         + _FIND,
     )
-
-
-def cob_text(node: int) -> str:
-    """Return the identifier of a CANopen heartbeat in the usual notation, such as 701h."""
-    return f"{0x700 + node:03X}h"
 
 
 def require_one(listening: NodeListener, expected: float) -> None:

@@ -44,13 +44,6 @@ class BusOptions(NamedTuple):
         if self.interface != "sim":
             require_rate(self.interface, self.bitrate, parse_options(self.option))
 
-    @property
-    def chooses_rate(self) -> bool:
-        """Whether its adapter can listen at any bit rate without sending."""
-        from axisbus.bus.link import other_rates
-
-        return other_rates.possible(self.interface or "", parse_options(self.option))
-
 
 def line_options(function: Decorated) -> Decorated:
     """Add the bus options to a command, as the outermost of its options; it gets them together as ``line``."""
@@ -80,7 +73,10 @@ def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTra
     """
     line.check()
     finder.remote = not without_remote(line)
-    if line.chooses_rate and not _heard(line):
+    from axisbus.bus.link import other_rates
+
+    # an adapter that can listen at any bit rate without sending
+    if other_rates.possible(line.interface or "", parse_options(line.option)) and not _heard(line):
         elsewhere = no_traffic_help.listen(opening_of(None, *line), quiet=quiet)
         if elsewhere is not None:
             return elsewhere

@@ -39,12 +39,7 @@ _FLAGS = " ".join(f"{path}=true" for path in _PRE_CALIBRATED)
 @line_options
 @click.option("--node", required=True, type=click.IntRange(0, 63), help="The module's node ID.")
 @yes_option
-def command(
-    what: str,
-    line: BusOptions,
-    node: int,
-    yes: bool,
-) -> int:
+def command(what: str, line: BusOptions, node: int, yes: bool) -> int:
     """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION.
 
     The command explains the calibration, asks for confirmation, monitors the calibration, and assesses the result. It requires

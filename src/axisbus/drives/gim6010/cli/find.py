@@ -28,11 +28,7 @@ if TYPE_CHECKING:
     help="The node IDs to ask: none, those that were heard, or all. By default all, and those heard if there is other traffic.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
-def command(
-    line: BusOptions,
-    ask: str | None,
-    as_json: bool,
-) -> int:
+def command(line: BusOptions, ask: str | None, as_json: bool) -> int:
     """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and the next command to type.
 
     It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that

@@ -74,13 +74,6 @@ def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Modb
     return ModbusTarget(port, given["node"], rate, parity or PARITIES[0])
 
 
-def modbus_words_of(serial: ModbusTarget | None, line: BusOptions, node: int | None) -> str:
-    """Return the connection to the module as typed, to be repeated in a hint."""
-    if serial is None:
-        return f"{line.words} --node {node}"
-    return serial.typed("--modbus", "-b")
-
-
 # -- The options --usb and --serial: reach a module by USB, for commands that otherwise use CAN ------------------------
 
 
@@ -171,7 +164,9 @@ class ModuleSelection:
         if self.usb is not None:
             return usb_words_of(self.usb)
         listed = "" if self.listed is None else f" --list {self.listed}"
-        return f"{modbus_words_of(self.serial, self.line, self.node)}{listed}"
+        if self.serial is not None:
+            return self.serial.typed("--modbus", "-b") + listed
+        return f"{self.line.words} --node {self.node}{listed}"
 
 
 def module_options(function: Decorated) -> Decorated:

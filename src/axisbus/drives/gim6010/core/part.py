@@ -354,9 +354,4 @@ def holding(cell: CellConfig) -> frozenset[str]:
     return frozenset(name for name, each in settings.items() if each.quick_stop_holds)
 
 
-PART = CorePart(
-    nodes=CanSimpleModules,
-    stop=stop_axes,
-    holding=holding,
-    simulated=simulated_modules,
-)
+PART = CorePart(nodes=CanSimpleModules, stop=stop_axes, holding=holding, simulated=simulated_modules)

@@ -176,10 +176,6 @@ def message(node: int, name: str, values: Mapping[str, Number]) -> Told:
     return can_id(node, found.command), pack_places(each.place(values[each.name]) for each in found.answer)
 
 
-def error_word(node: int, word: int) -> Told:
-    return can_id(node, message_named("Get_Error").command), word.to_bytes(8, "little")
-
-
 # -- module ------------------------------------------------------------------------------------------------------------
 
 
@@ -383,7 +379,8 @@ class RelayedModule:
     def _answer_error(self, which: int) -> Told | None:
         if which not in list(ErrorType):
             return None
-        return error_word(self.node, int(self._module.read(_WORDS[ErrorType(which).category])))
+        word = int(self._module.read(_WORDS[ErrorType(which).category]))
+        return can_id(self.node, GET_ERROR.command), word.to_bytes(8, "little")
 
     def _answer_endpoint(self, found: Message, told: DecodedMessage) -> Told | None:
         """Read an endpoint. Never write one by its number; read no endpoint of a list that is not verified."""
