@@ -9,7 +9,7 @@ import pytest
 from axisbus.boot.stop_report import Watchdog
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.boot import identity
-from axisbus.drives.gim6010.boot.discovery import NodeListener
+from axisbus.drives.gim6010.boot.identity import NodeListener
 from axisbus.drives.gim6010.boot.module import WATCHDOG, ladder
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts

@@ -16,9 +16,9 @@ from axisbus.drives.gim6010.boot.module import WATCHDOG, ModuleBoot, feed_time, 
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware as Given
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.cell.modules import settings_of
+from axisbus.drives.gim6010.cell import settings_of
 from axisbus.drives.gim6010.settings.watchdog import Armed
-from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import BootError
 from kit.can_simple.mixed_cell import MODULE, write

@@ -13,8 +13,8 @@ from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
+from axisbus.drives.gim6010.sim.constants import Firmware as Made
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import Firmware as Made
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 from kit.can_simple_bus import Bystander, modules_on_bus

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from axisbus.drives.gim6010 import faults
-from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes, in_manual
+from axisbus.drives.gim6010.can_simple.identifier import clashes, free_nodes, in_manual
 from axisbus.errors import ArgumentError
 
 # 4.1.4, typed off again: the first CANopen node, and the nodes of CAN Simple that go with it.

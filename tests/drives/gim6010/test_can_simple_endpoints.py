@@ -14,13 +14,14 @@ from axisbus.drives.gim6010.can_simple import endpoint_messages as wire
 from axisbus.drives.gim6010.can_simple.codec import Unexpected
 from axisbus.drives.gim6010.can_simple.endpoints import (
     FORMATS,
+    TABLE,
     Endpoint,
     Firmware,
     FittedList,
     parse,
     proposed_version,
+    protected,
 )
-from axisbus.drives.gim6010.can_simple.protected_parameters import TABLE, protected
 from axisbus.errors import ArgumentError, LimitError
 
 V13 = Firmware(0, 5, 13)

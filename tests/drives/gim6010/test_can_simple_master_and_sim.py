@@ -14,7 +14,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import Firmware, FittedList, pa
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.messages import MESSAGES, MessageRequestMethod, named
-from axisbus.drives.gim6010.sim.firmware import Firmware as Made
+from axisbus.drives.gim6010.sim.constants import Firmware as Made
 from axisbus.drives.gim6010.sim.module import Module
 from kit.sim.can_simple_module import Bench, Heard
 

@@ -18,9 +18,10 @@ from axisbus.drives.gim6010.can_simple.codec import (
 )
 from axisbus.drives.gim6010.can_simple.fields import FieldEncoding, GearSide
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
-from axisbus.drives.gim6010.can_simple.messages import MESSAGES, Direction, MessageRequestMethod, named
+from axisbus.drives.gim6010.can_simple.messages import MESSAGES, MessageRequestMethod, named
 from axisbus.errors import ArgumentError, LimitError
 from kit.can_simple import discrepancies
+from kit.can_simple.documentation import direction
 
 # Typed from the manual a second time: command, name, sender of data, and the fields' types with the first byte of each.
 MANUAL = """\
@@ -65,7 +66,7 @@ LETTERS = {
     "float32": "f",
     "4 bytes": "I",
 }
-WAYS = {Direction.TO_MODULE: ">", Direction.FROM_MODULE: "<", Direction.BOTH: "*"}
+WAYS = {"to the module": ">", "from the module": "<", "both ways": "*"}
 OWN = {"Mit_Control", "RxSdo", "TxSdo"}  # not encoded field by field
 SENT = [each for each in MESSAGES if each.name not in OWN and not (each.answer and not each.sent)]
 
@@ -77,7 +78,7 @@ def layout(fields):
 
 def test_the_table_is_the_manual_s():
     told = "".join(
-        f"{each.command:02X} {each.name} {WAYS[each.direction]} {layout(each.sent)} {layout(each.answer)}\n"
+        f"{each.command:02X} {each.name} {WAYS[direction(each)]} {layout(each.sent)} {layout(each.answer)}\n"
         for each in MESSAGES
     )
     assert told == MANUAL
@@ -209,7 +210,7 @@ def test_requests_are_made_of_messages_that_answer_them(remote):
     ids=lambda each: each.name,
 )
 def test_no_other_message_can_be_requested_with_an_empty_frame(message):
-    with pytest.raises(ArgumentError, match="not answered to an empty request"):
+    with pytest.raises(ArgumentError, match="not sent in answer to an empty request"):
         codec.request(1, message, remote=False)
 
 

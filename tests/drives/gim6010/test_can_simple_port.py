@@ -8,8 +8,8 @@ from itertools import pairwise
 
 import pytest
 
+from axisbus.drives.gim6010.sim.constants import FACTORY, Firmware
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import FACTORY, Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import (
     DriveError,

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import pytest
 
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError
 from kit.can_simple.rig import OWN, SETTINGS, Rig, judge, rig

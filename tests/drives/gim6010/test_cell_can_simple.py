@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
 from axisbus.cell import reader
 from axisbus.cell.other_protocols import with_dictionaries
 from axisbus.check.run import check
 from axisbus.core.files import load_dictionaries
-from axisbus.drives.gim6010.cell.modules import module_parameters
+from axisbus.drives.gim6010.cell import module_parameters
 from axisbus.errors import ConfigError
 
 CELL = """[bus]
@@ -55,7 +57,7 @@ def test_a_module_is_read_with_its_settings(cell):
     found = reader.load(cell())
     node, axis = found.nodes[16], found.axes["m"]
     assert (node.protocol, node.firmware) == ("can_simple", "0.5.13")
-    settings = node.module.settings(16, axis.rated_torque, found.bus.scan_period, axis.stop.quick_stop)
+    settings = node.module.settings(16, axis, found.bus.scan_period)
     assert (settings.node, settings.velocity_limit, settings.current_limit) == (16, 20.0, 10.0)
     assert (settings.velocity_ramp, settings.acceleration, settings.period) == (40.0, 80.0, 0.01)
     assert settings.torque.rated == pytest.approx(0.625)  # 5 N·m at the output
@@ -66,9 +68,11 @@ def test_a_module_is_read_with_its_settings(cell):
 
 
 def test_a_module_without_rated_torque_has_no_torque_settings(cell):
-    node = reader.load(cell()).nodes[16]
-    assert node.module.settings(16, None, 0.01, "ramp").torque is None
-    assert not node.module.settings(16, None, 0.01, None).quick_stop_holds
+    found = reader.load(cell())
+    module, axis = found.nodes[16].module, replace(found.axes["m"], rated_torque=None)
+    assert module.settings(16, axis, 0.01).torque is None
+    assert module.settings(16, None, 0.01).torque is None
+    assert not module.settings(16, None, 0.01).quick_stop_holds
 
 
 @pytest.mark.parametrize("key", ["velocity_limit", "current_limit", "velocity_ramp", "acceleration"])

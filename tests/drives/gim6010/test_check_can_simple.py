@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import string
 from pathlib import Path
 
 import pytest
@@ -11,6 +14,7 @@ from axisbus.check.bus_load import streams
 from axisbus.check.cycle_schedule import timetable
 from axisbus.check.ids.table import id_of
 from axisbus.check.run import check
+from axisbus.cia301.tables import rows
 from axisbus.core.files import load_dictionaries
 from axisbus.drives.gim6010 import check_ids, checks
 from kit.can_simple.mixed_cell import write
@@ -150,3 +154,19 @@ def test_each_check_of_a_module_has_an_id_and_each_of_its_ids_a_check():
         id_of(each) for each in checks.CHECKS if each is not checks.as_drives
     ]  # that one makes others
     assert sorted(of_checks) == [row["rule"] for row in check_ids.rows()]
+
+
+def test_each_text_of_a_check_is_used_with_the_values_in_its_braces():
+    calls = [
+        node
+        for node in ast.walk(ast.parse(inspect.getsource(checks)))
+        if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "_told"
+    ]
+    given = {call.args[0].value: {each.arg for each in call.keywords} for call in calls}
+    named = {
+        row["key"]: {
+            name for text in row.values() for _, name, _, _ in string.Formatter().parse(text) if name
+        }
+        for row in rows("axisbus.drives.gim6010", "check_texts.tsv")
+    }
+    assert given == named

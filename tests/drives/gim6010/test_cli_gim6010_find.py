@@ -8,8 +8,8 @@ import can
 import pytest
 
 from axisbus.bus.link import adapter, other_rates
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from kit.can_simple_bus import Bystander, modules_on_bus
 from kit.sim.can_simple_module import gim_eds

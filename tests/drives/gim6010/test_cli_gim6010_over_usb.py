@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from axisbus.drives.gim6010 import odrive_tree
+from axisbus.drives.gim6010 import usb_parameters
 from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.usb_port import plugged_in
@@ -28,8 +28,8 @@ def module():
 @pytest.fixture
 def over(monkeypatch, capsys, tmp_path, module):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(odrive_tree, "FIND", 0.5)
-    monkeypatch.setattr(odrive_tree, "ALONE", 0.05)
+    monkeypatch.setattr(usb_parameters, "FIND", 0.5)
+    monkeypatch.setattr(usb_parameters, "ALONE", 0.05)
     run = command_line.runner(monkeypatch, capsys)
     with plugged_in(monkeypatch, module):
         yield lambda *words: run("gim6010", *words, "--usb")

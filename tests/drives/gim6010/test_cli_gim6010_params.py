@@ -6,8 +6,8 @@ import json
 
 import pytest
 
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.can_simple_bus import modules_on_bus

@@ -21,7 +21,7 @@ from axisbus.core.scan_thread import ScanThread
 from axisbus.core.simulated_nodes import devices as devices_of
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.drives.gim6010.bus.stop_modules import stop_modules
-from axisbus.drives.gim6010.core.module_port import ModuleSender
+from axisbus.drives.gim6010.core.part import ModuleSender
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError
 from axisbus.machine.axis import Axis

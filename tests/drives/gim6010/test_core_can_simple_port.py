@@ -5,7 +5,7 @@ from __future__ import annotations
 import struct
 
 from axisbus.cia402.port import Outputs
-from axisbus.drives.gim6010.core.module_port import ModuleSender
+from axisbus.drives.gim6010.core.part import ModuleSender
 from axisbus.errors import BusOff
 from kit.can_simple.rig import SETTINGS
 

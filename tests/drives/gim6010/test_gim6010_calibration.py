@@ -17,8 +17,8 @@ from axisbus.drives.gim6010.calibration import (
     RotorRotation,
 )
 from axisbus.drives.gim6010.sim import axis
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
 from kit.module_dialogue import play

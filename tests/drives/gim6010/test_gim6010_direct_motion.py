@@ -11,8 +11,7 @@ from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind
 from axisbus.drives.gim6010.direct_motion import HeartbeatMonitor, PowerOff
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module
-from axisbus.drives.gim6010.tuning.runner import ModuleTuning
-from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial
+from axisbus.drives.gim6010.tuning import Gains, Loop, ModuleTrial, ModuleTuning
 from axisbus.errors import ArgumentError
 from kit.module_dialogue import play
 from kit.sim.can_simple_module import ESTOP, SET_STATE, Bench

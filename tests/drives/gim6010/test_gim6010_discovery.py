@@ -10,11 +10,12 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.discovery import bus_snapshot, report_text
+from axisbus.drives.gim6010.can_simple.heartbeat import count_senders
+from axisbus.drives.gim6010.discovery import report_text
 from axisbus.drives.gim6010.discovery.finder import Bounds, Finder, ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
 from kit.module_search import Search, search
@@ -207,7 +208,7 @@ def test_a_module_with_uneven_heartbeats_does_not_count_as_two(late, life, count
         (0.1 * place + each, bytes(7) + bytes([(life + place) % 256 if counts else 0]))
         for place, each in enumerate(late)
     ]
-    assert bus_snapshot.count_senders(beats) == 1
+    assert count_senders(beats) == 1
 
 
 @settings(max_examples=60, deadline=None)
@@ -221,7 +222,7 @@ def test_two_that_beat_in_turn_are_two(one, other, apart, counts):
         for life, shift in ((one, 0.0), (other, apart / 1000))
         for place in range(16)
     )
-    assert bus_snapshot.count_senders(beats) == 2
+    assert count_senders(beats) == 2
 
 
 def test_two_modules_of_one_id_that_beat_as_one_are_reported_by_their_answers():

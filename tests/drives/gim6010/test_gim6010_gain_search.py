@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.tuning.trial import MOST_TRIALS, GainSearch, Loop
+from axisbus.drives.gim6010.tuning import MOST_TRIALS, GainSearch, Loop
 from axisbus.errors import ArgumentError
 from axisbus.step_response import Response
 

@@ -9,14 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010.settings.parameter_settings import brake_resistor, endstops
-from axisbus.drives.gim6010.settings.pulse_inputs import Follows, PulseMapping, Pulses
+from axisbus.drives.gim6010.settings.pulse_inputs import FOLLOWS, PulseMapping, Pulses
 from axisbus.errors import ArgumentError, LimitError
 
 NUMBERS = st.floats(-1000, 1000)
 
 
 def test_the_manuals_example_of_a_mapping():
-    mapping = PulseMapping(Follows.VELOCITY, -8.0, 8.0)
+    mapping = PulseMapping(FOLLOWS["velocity"], -8.0, 8.0)
     assert [mapping.at(width) for width in (1.0, 1.25, 1.5, 2.0)] == [-8.0, -4.0, 0.0, 8.0]
     assert mapping.zero == 1.5
     assert list(mapping.table)[1] == "1.25 ms: -4 turns/s of the rotor, -0.5 turns/s of the output"
@@ -28,10 +28,10 @@ def test_the_manuals_example_of_a_mapping():
 
 
 @pytest.mark.parametrize(
-    ("follows", "modes"), [("POSITION", (3, 5)), ("VELOCITY", (2, 2)), ("TORQUE", (1, 6))]
+    ("follows", "modes"), [("position", (3, 5)), ("velocity", (2, 2)), ("torque", (1, 6))]
 )
 def test_each_value_that_follows_has_the_manuals_modes(follows, modes):
-    steps = PulseMapping(Follows[follows], 0.0, 1.0).steps
+    steps = PulseMapping(FOLLOWS[follows], 0.0, 1.0).steps
     assert steps[1:3] == (
         f"odrv0.axis0.controller.config.control_mode = {modes[0]}",
         f"odrv0.axis0.controller.config.input_mode = {modes[1]}",
@@ -43,7 +43,7 @@ def test_each_value_that_follows_has_the_manuals_modes(follows, modes):
 def test_a_mapping_stays_between_its_ends_and_is_zero_at_its_stated_width(low, high, width):
     if low == high:
         return
-    mapping = PulseMapping(Follows.TORQUE, low, high)
+    mapping = PulseMapping(FOLLOWS["torque"], low, high)
     assert min(low, high) - 1e-9 <= mapping.at(width) <= max(low, high) + 1e-9
     if mapping.zero is not None:
         assert mapping.at(mapping.zero) == pytest.approx(0.0, abs=1e-9 * (abs(low) + abs(high)))
@@ -55,13 +55,13 @@ def test_a_mapping_stays_between_its_ends_and_is_zero_at_its_stated_width(low, h
 @pytest.mark.parametrize("ends", [(1.0, 1.0), (math.nan, 1.0), (0.0, math.inf)])
 def test_an_invalid_mapping_is_refused(ends):
     with pytest.raises(ArgumentError):
-        PulseMapping(Follows.POSITION, *ends)
+        PulseMapping(FOLLOWS["position"], *ends)
 
 
 @pytest.mark.parametrize("width", [0.99, 2.01, math.nan])
 def test_a_width_that_the_manual_does_not_map_is_refused(width):
     with pytest.raises(LimitError):
-        PulseMapping(Follows.POSITION, 0.0, 1.0).at(width)
+        PulseMapping(FOLLOWS["position"], 0.0, 1.0).at(width)
 
 
 def test_the_manuals_example_of_pulses():

@@ -14,10 +14,9 @@ from hypothesis import strategies as st
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control import MitLeader, PositionCrossCheck
-from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
+from axisbus.drives.gim6010.mit_control import MitLeader, MitSettings, PositionCrossCheck, ranges_of
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
 from axisbus.sim.motor import MotorParams

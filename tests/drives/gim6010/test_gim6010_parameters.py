@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
-from axisbus.drives.gim6010.can_simple.protected_parameters import protected
+from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse, protected
 from axisbus.drives.gim6010.parameters import backup, rules, values
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, NodeTimeout, StateError

@@ -9,11 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from axisbus.drives.gim6010 import tuning as search
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
 from axisbus.drives.gim6010.sim.module import Module
-from axisbus.drives.gim6010.tuning import trial as search
-from axisbus.drives.gim6010.tuning.runner import ModuleTuning
-from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
+from axisbus.drives.gim6010.tuning import Gains, Loop, ModuleTrial, ModuleTuning, explanation
 from axisbus.errors import ArgumentError
 from axisbus.sim.motor import MotorParams
 from axisbus.step_response import Response, measure

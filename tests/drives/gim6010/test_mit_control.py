@@ -12,7 +12,7 @@ from contextlib import contextmanager
 import pytest
 
 from axisbus.drives.gim6010 import MitCommand, MitControl, MitRanges, MitSettings, read_mit_ranges
-from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, NodeError, StateError, UserError
 from kit.can_simple_bus import modules_on_bus

@@ -9,7 +9,7 @@ from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.settings import zero
 from axisbus.drives.gim6010.settings.parameter_settings import apply
-from axisbus.drives.gim6010.sim import firmware
+from axisbus.drives.gim6010.sim import constants
 from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
 from axisbus.errors import ArgumentError, NodeError, StateError
 from kit.modbus.virtual_wire import VirtualWire, list_of
@@ -121,7 +121,7 @@ def test_values_and_parameters_that_are_refused():
 def test_a_list_of_another_firmware_is_refused_and_nothing_is_read_by_it():
     station = Station()
     parameters = ModbusParameters(ModbusModule(VirtualWire(station), 1))
-    listed, _ = list_of(Station(firmware=firmware.Firmware(0, 6, 0)))
+    listed, _ = list_of(Station(firmware=constants.Firmware(0, 6, 0)))
     with pytest.raises(ArgumentError, match=r"made for firmware 0\.6\.0"):
         parameters.open(listed, Firmware(0, 6, 0))
     with pytest.raises(ArgumentError, match="node ID is"):

@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from axisbus.drives.gim6010.sim import protocol
-from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from kit.sim.can_simple_module import (
     BUS,

@@ -7,7 +7,7 @@ import struct
 
 import pytest
 
-from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.constants import Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.sim.parameters import number_in, rows
 from kit.sim.can_simple_module import (

@@ -19,11 +19,18 @@ def messages() -> Iterator[Row]:
         yield (
             command,
             f"`{each.name}`",
-            each.direction.value,
+            direction(each),
             _fields(each.sent),
             _fields(each.answer),
-            _does(each),
+            each.meaning,
         )
+
+
+def direction(message: Message) -> str:
+    """Return the direction of a message's data; a request without data does not count."""
+    if not message.answer:
+        return "to the module"
+    return "both ways" if message.sent else "from the module"
 
 
 def error_bits() -> Iterator[Row]:
@@ -61,7 +68,3 @@ def _place(field: MessageField) -> str:
     if whole:
         return f"byte {byte}"
     return f"bits {field.start} to {field.end - 1}" if field.type.high_first else f"byte {byte} bit {bit}"
-
-
-def _does(message: Message) -> str:
-    return "; ".join(filter(None, (message.meaning, message.effect.value, message.heard.value)))

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
     from axisbus.drives.gim6010.mit import MitControl, read_mit_ranges
-    from axisbus.drives.gim6010.mit_control import MitCycle
-    from axisbus.drives.gim6010.mit_settings import MitSettings
+    from axisbus.drives.gim6010.mit_control import MitCycle, MitSettings
 
 _HOME = {
     "MitCommand": "can_simple.mit",
@@ -17,7 +16,7 @@ _HOME = {
     "MitCycle": "mit_control",
     "MitFeedback": "can_simple.mit",
     "MitRanges": "can_simple.mit",
-    "MitSettings": "mit_settings",
+    "MitSettings": "mit_control",
     "read_mit_ranges": "mit",
 }
 

@@ -22,14 +22,9 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import error_query
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, decode, encode, request
 from axisbus.drives.gim6010.can_simple.error_query import ErrorType
-from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
-from axisbus.drives.gim6010.direct_motion import (
-    PERIODS,
-    ModuleMotionProcedure,
-    ModuleMotionStage,
-    reported_errors,
-)
+from axisbus.drives.gim6010.can_simple.heartbeat import PERIODS, reported_errors
+from axisbus.drives.gim6010.can_simple.messages import IDLE, named, state_words
+from axisbus.drives.gim6010.direct_motion import ModuleMotionProcedure, ModuleMotionStage
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 from axisbus.drives.gim6010.make import GEAR_RATIO
 
@@ -48,7 +43,6 @@ class CalibrationKind(Enum):
 
     @property
     def words(self) -> str:
-        """Name of the calibration."""
         return state_words(self.value)
 
     @property

@@ -9,5 +9,4 @@ from axisbus.eds.rules.table import rows_of
 
 @cache
 def rows() -> list[dict[str, str]]:
-    """Return the rows of the table."""
     return rows_of(__package__, "checks.tsv")

@@ -10,24 +10,30 @@ from dataclasses import replace
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import feed_forward
 from axisbus.cell.model import CANOPEN, SIMULATED, AxisConfig, NodeConfig
+from axisbus.cell.problem import CellProblem
 from axisbus.check import limits, modes, ranges
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.check.ids.table import id_of
+from axisbus.cia301.tables import rows
 from axisbus.cia402 import homing, options
-from axisbus.drives.gim6010.can_simple.coexistence import clashes, free_nodes
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
-from axisbus.drives.gim6010.can_simple.identifier import NODES
+from axisbus.drives.gim6010.can_simple.identifier import NODES, clashes, free_nodes
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import description
-from axisbus.drives.gim6010.cell.module import (
+from axisbus.drives.gim6010.cell import (
     LINE_MODES,
     MODBUS,
     READERS,
     TORQUE,
     ModuleConfig,
+    drive_of,
+    is_line,
     line_mode,
+    list_of,
+    module_of,
+    modules_of,
+    settings_of,
 )
-from axisbus.drives.gim6010.cell.modules import drive_of, is_line, list_of, module_of, modules_of, settings_of
 from axisbus.drives.gim6010.modbus.registers import RATES
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, LimitError
@@ -36,6 +42,15 @@ _FOREIGN = Firmware(0, 6, 8)  # from here on another protocol was seen, with ide
 _SHOWN = 3
 _ON_LINE = range(1, 64)
 _HOMING = "hm"
+_TEXTS = {row["key"]: row for row in rows(__package__, "check_texts.tsv")}
+
+
+def _told(key: str, **values: object) -> tuple[str, str, str]:
+    """Return message, observation and remedy of a finding, from ``check_texts.tsv``; ``values`` are those in its braces."""
+    message, observed, remedy = (
+        _TEXTS[key][each].format(**values) for each in ("message", "observed", "remedy")
+    )
+    return message, observed, remedy
 
 
 def _modules(case: CheckContext) -> Iterator[tuple[NodeConfig, ModuleConfig]]:
@@ -52,27 +67,16 @@ def identifiers(case: CheckContext) -> Problems:
         canopen.append(case.cell.bus.master_id)
     for node, _ in _modules(case):
         if node.node_id not in NODES:
-            yield case.error(
-                node.at.line,
-                f"node {node.node_id} is not a node ID of CAN Simple",
-                "",
-                "they are from 0 to 63",
-            )
+            yield case.error(node.at.line, *_told("no_node_id", node=node.node_id))
             continue
         found = clashes([node.node_id], canopen)
         if found:
             shown = "; ".join(map(str, found[:_SHOWN])) + ("; ..." if len(found) > _SHOWN else "")
             free = ", ".join(map(str, free_nodes(canopen)[:_SHOWN])) or "none besides these nodes"
-            yield case.error(
-                node.at.line,
-                f"[nodes.{node.node_id}] conflicts with the CANopen nodes of the cell: identifiers have two owners",
-                shown,
-                f"give it another node ID (free: {free}), or the CANopen nodes higher ones",
-            )
+            yield case.error(node.at.line, *_told("clash", node=node.node_id, shown=shown, free=free))
 
 
 def firmware(case: CheckContext) -> Problems:
-    """Check that the module's firmware speaks CAN Simple."""
     for node, _ in _modules(case):
         try:
             version = None if node.firmware is None else Firmware.parse(node.firmware)
@@ -80,12 +84,8 @@ def firmware(case: CheckContext) -> Problems:
             yield case.error(node.at.of("firmware"), error.message, "", error.remedy)
             continue
         if version is not None and version >= _FOREIGN:
-            yield case.warning(
-                node.at.of("firmware"),
-                f"[nodes.{node.node_id}] possibly does not use CAN Simple",
-                f"some modules with firmware {version} use a protocol with identifiers of 29 bits",
-                "check which frames it sends: axisbus trace",
-            )
+            told = _told("foreign", node=node.node_id, version=version)
+            yield case.warning(node.at.of("firmware"), *told)
 
 
 def settings(case: CheckContext) -> Problems:
@@ -93,40 +93,30 @@ def settings(case: CheckContext) -> Problems:
     for node, module in _modules(case):
         axes = list(case.cell.axes_of(node.node_id))
         if len(axes) > 1 or any(axis.drive_axis != 1 for axis in axes):
-            yield case.error(
-                node.at.line, f"[nodes.{node.node_id}] is a module with one axis", "", "leave the others out"
-            )
+            yield case.error(node.at.line, *_told("one_axis", node=node.node_id))
         for axis in axes[:1] if module.at.sound(*READERS) else ():
             yield from _of_axis(case, node, module, axis)
 
 
 def _of_axis(case: CheckContext, node: NodeConfig, module: ModuleConfig, axis: AxisConfig) -> Problems:
     try:
-        module.settings(
-            node.node_id,
-            axis.rated_torque,
-            case.cell.bus.scan_period,
-            axis.stop.quick_stop,
-            relayed=node.protocol == MODBUS,
-            modes=axis.modes,
-        )
+        relayed = node.protocol == MODBUS
+        module.settings(node.node_id, axis, case.cell.bus.scan_period, relayed=relayed)
     except (ArgumentError, LimitError) as error:
-        yield case.error(
-            node.at.line,
-            f"[nodes.{node.node_id}.{node.protocol}]: {error.message}",
-            error.observed,
-            error.remedy,
-        )
+        yield _refused(case, node.at.line, node, error)
     given = [key for key in TORQUE if getattr(module, key) is not None]
     if given and (len(given) < len(TORQUE) or axis.rated_torque is None):
         missing = [key for key in TORQUE if key not in given]
         missing += [] if axis.rated_torque is not None else [f"rated_torque in [axes.{axis.name}]"]
-        yield case.warning(
-            node.at.line,
-            f"axis {axis.name} has no torques",
-            f"{', '.join(given)} without {', '.join(missing)}",
-            "give all of them, or none",
-        )
+        told = _told("no_torques", axis=axis.name, given=", ".join(given), missing=", ".join(missing))
+        yield case.warning(node.at.line, *told)
+
+
+def _refused(
+    case: CheckContext, line: int, node: NodeConfig, error: ArgumentError | LimitError
+) -> CellProblem:
+    text = f"[nodes.{node.node_id}.{node.protocol}]: {error.message}"
+    return case.error(line, text, error.observed, error.remedy)
 
 
 def endpoints(case: CheckContext) -> Problems:
@@ -135,12 +125,7 @@ def endpoints(case: CheckContext) -> Problems:
         try:
             list_of(node, case.cell.folder)
         except ArgumentError as error:
-            yield case.error(
-                module.at.of("endpoints"),
-                f"[nodes.{node.node_id}.{node.protocol}]: {error.message}",
-                error.observed,
-                error.remedy,
-            )
+            yield _refused(case, module.at.of("endpoints"), node, error)
 
 
 def line(case: CheckContext) -> Problems:
@@ -148,20 +133,12 @@ def line(case: CheckContext) -> Problems:
     bus = case.cell.bus
     on_line = is_line(bus)
     if on_line and bus.bitrate is not None and bus.bitrate not in RATES:
-        yield case.error(
-            bus.at.of("bitrate"),
-            f"{bus.bitrate} bit/s is not a bit rate of a module on RS485",
-            "",
-            f"there are {', '.join(map(str, RATES))}",
-        )
+        told = _told("bit_rate", rate=bus.bitrate, rates=", ".join(map(str, RATES)))
+        yield case.error(bus.at.of("bitrate"), *told)
     for node in case.cell.nodes.values():
         if (node.protocol == MODBUS) != on_line:
-            yield case.error(
-                node.at.line,
-                f'[nodes.{node.node_id}] has the protocol {node.protocol}, and [bus] has interface = "{bus.interface}"',
-                "",
-                'interface = "modbus" is a serial line, whose nodes have protocol = "modbus", and only these',
-            )
+            told = _told("protocol", node=node.node_id, protocol=node.protocol, interface=bus.interface)
+            yield case.error(node.at.line, *told)
         elif on_line and (module := module_of(node)) is not None:
             yield from _on_line(case, node, module)
 
@@ -169,73 +146,35 @@ def line(case: CheckContext) -> Problems:
 def _on_line(case: CheckContext, node: NodeConfig, module: ModuleConfig) -> Problems:
     name = f"[nodes.{node.node_id}.{MODBUS}]"
     if node.node_id not in _ON_LINE:
-        yield case.error(
-            node.at.line,
-            f"node {node.node_id} is not a node ID of a module on RS485",
-            "",
-            "they are from 1 to 63: 0 is the broadcast address, which no module answers",
-        )
+        yield case.error(node.at.line, *_told("no_device", node=node.node_id))
     if module.endpoints is None:
-        yield case.error(
-            node.at.line,
-            f"{name} names no list of endpoints",
-            "no register contains the position of an idle rotor",
-            'endpoints = "endpoints_0.5.13.json", the manufacturer\'s list for its firmware',
-        )
+        yield case.error(node.at.line, *_told("no_list", name=name))
     if module.filter_bandwidth is not None:
-        yield case.error(
-            module.at.of("filter_bandwidth"),
-            f"{name} has filter_bandwidth, which does not exist on RS485",
-            "only a path in csp uses the filter, and a module on RS485 does not have this mode",
-            "leave filter_bandwidth out",
-        )
+        yield case.error(module.at.of("filter_bandwidth"), *_told("no_filter", name=name))
     for axis in case.cell.axes_of(node.node_id):
         yield from _modes_on_line(case, name, module, axis)
         if axis.stop.quick_stop is not None and axis.stop.quick_stop.endswith("-hold"):
-            yield case.error(
-                axis.at.line,
-                f"axis {axis.name} is configured to hold after a quick stop, and on RS485 it cannot",
-                "a quick stop brakes by velocity 0; a module changes back to positions only in idle",
-                'leave quick_stop out of its [stop], or write quick_stop = "ramp"',
-            )
+            yield case.error(axis.at.line, *_told("no_hold", axis=axis.name))
 
 
 def _modes_on_line(case: CheckContext, name: str, module: ModuleConfig, axis: AxisConfig) -> Problems:
     """Check that the axis has one mode beside homing, and that torque settings and torque mode come together."""
     others = set(axis.modes or ("pp",)) - {_HOMING}
     if len(others) != 1 or not others <= LINE_MODES.keys():
-        yield case.error(
-            axis.at.of("modes"),
-            f"axis {axis.name} needs exactly one of pp, pv and tq: it has {', '.join(axis.modes or ()) or 'none'}",
-            "control mode and input mode are two registers, and the behaviour of an energised module between the two writes "
-            "is unknown: they are set in idle",
-            'write modes = ["pp", "hm"], ["pv"] or ["tq"]; use one cell file for each mode',
-        )
+        told = _told("one_mode", axis=axis.name, modes=", ".join(axis.modes or ()) or "none")
+        yield case.error(axis.at.of("modes"), *told)
     given = [key for key in TORQUE[1:] if getattr(module, key) is not None]
     has_torque = line_mode(axis.modes) is LINE_MODES["tq"]
     if given and not has_torque:
-        yield case.error(
-            module.at.of(given[0]),
-            f"{name} has {given[0]}, and its axis {axis.name} has no torques",
-            'on RS485 an axis has one mode, and torques only with modes = ["tq"]',
-            f'write modes = ["tq"] in [axes.{axis.name}], or leave {given[0]} out',
-        )
+        told = _told("torque_without_mode", name=name, given=given[0], axis=axis.name)
+        yield case.error(module.at.of(given[0]), *told)
     missing = [key for key in TORQUE if getattr(module, key) is None]
     missing += [] if axis.rated_torque is not None else [f"rated_torque in [axes.{axis.name}]"]
     if has_torque and missing:
-        yield case.error(
-            axis.at.of("modes"),
-            f"axis {axis.name} has the mode tq, and {name} does not have all that torques need",
-            f"missing: {', '.join(missing)}",
-            "add it; docs/gim6010-8.md has an example",
-        )
+        told = _told("mode_without_torque", axis=axis.name, name=name, missing=", ".join(missing))
+        yield case.error(axis.at.of("modes"), *told)
     if has_torque and axis.max_velocity is None:
-        yield case.error(
-            axis.at.of("modes"),
-            f"axis {axis.name} has the mode tq, and no max_velocity",
-            "a torque that no load holds back accelerates the motor, and only the master stops it at a velocity",
-            f"write max_velocity = ... in [axes.{axis.name}]: if the axis becomes faster, it is stopped",
-        )
+        yield case.error(axis.at.of("modes"), *_told("no_max_velocity", axis=axis.name))
 
 
 # -- Check that the axis of a module uses only the functions of its port, and warn of its dangers ----------------------
@@ -278,12 +217,8 @@ def writes(case: CheckContext) -> Problems:
         for write in drive.written.values():
             if not isinstance(write.value, int) or objects.write(write.index, write.subindex, write.value):
                 is_so = objects.constant(write.index, write.subindex)
-                yield case.error(
-                    write.line,
-                    f"{write.source} cannot be set in a module with CAN Simple",
-                    f"it has no such object, or an object with a fixed value{_words(write.index, is_so)}",
-                    "leave it out, or give the behaviour of the module; docs/gim6010-8.md has its stop sequence",
-                )
+                told = _told("constant", source=write.source, value=_words(write.index, is_so))
+                yield case.error(write.line, *told)
 
 
 def _words(index: int, value: int | None) -> str:
@@ -297,20 +232,11 @@ def no_more(case: CheckContext) -> Problems:
     """Check that a module is not asked for functions that it lacks: inputs, outputs, and feed-forward."""
     for node_id in modules_of(case.cell):
         for point in case.cell.io_of(node_id):
-            yield case.error(
-                point.at.line,
-                f"[io.{point.name}]: node {node_id} uses CAN Simple, and has no inputs and outputs",
-                "",
-                "leave it out, or give another node",
-            )
+            yield case.error(point.at.line, *_told("no_io", name=point.name, node=node_id))
     for drive in _drives(case):
         if feed_forward(drive.axis, None) is not None:
-            yield case.error(
-                drive.axis.feed_forward.at.line,
-                f"axis {drive.axis.name}: a module with CAN Simple gets no feed-forward",
-                "a feed-forward value would continue after the master is dead",
-                "leave the table out",
-            )
+            told = _told("no_feed_forward", axis=drive.axis.name)
+            yield case.error(drive.axis.feed_forward.at.line, *told)
 
 
 def in_place(case: CheckContext) -> Problems:
@@ -318,40 +244,22 @@ def in_place(case: CheckContext) -> Problems:
     for drive in _drives(case):
         given = drive.axis.homing
         if given.method is not None and given.method not in homing.IN_PLACE:
-            yield case.error(
-                given.at.of("method"),
-                f"axis {drive.axis.name}: a module with CAN Simple does not have homing method {given.method}",
-                "homing only shifts its count at the present position, and nothing is sent for it",
-                f"write one of {', '.join(map(str, sorted(homing.IN_PLACE)))}",
-            )
+            methods = ", ".join(map(str, sorted(homing.IN_PLACE)))
+            told = _told("homing", axis=drive.axis.name, method=given.method, methods=methods)
+            yield case.error(given.at.of("method"), *told)
 
 
 def dangers(case: CheckContext) -> Problems:
     """Warn that the motor coasts without power, and that nothing on a module detects the loss of the master."""
     bus = case.cell.bus
+    can = sys.platform == "linux"
+    own = can and bus.process != "thread"
+    killed = "" if own or bus.interface in _NO_WIRE else ", and nothing stops it when this program is killed"
+    process = "" if own or not can else '; process = "own" in [bus]'
     for drive in _drives(case):
         name, line = drive.axis.name, drive.node.at.line
-        yield case.warning(
-            line,
-            f"axis {name}: without power the motor coasts, and a fault switches the power off",
-            "a module has no ramp for either",
-            "do not attach a load that can fall or run away; a stop brakes it first",
-        )
-        can = sys.platform == "linux"
-        own = can and bus.process != "thread"
-        stops = "if the core has its own process, it stops the axis when the program or the core dies"
-        yield case.warning(
-            line,
-            f"axis {name}: no function of its module is known to detect the loss of the master"
-            + (
-                ""
-                if own or bus.interface in _NO_WIRE
-                else ", and nothing stops it when this program is killed"
-            ),
-            f"a velocity or a torque continues; {stops}, and nothing stops it when the computer or the bus fails",
-            "keep its speed and travel harmless, or cut its power by hardware that monitors the master"
-            + ("" if own or not can else '; process = "own" in [bus]'),
-        )
+        yield case.warning(line, *_told("coasts", axis=name))
+        yield case.warning(line, *_told("dead_master", axis=name, killed=killed, process=process))
 
 
 CHECKS: tuple[Check, ...] = (

@@ -32,8 +32,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.identifier import split
-from axisbus.drives.gim6010.can_simple.messages import command_name
-from axisbus.drives.gim6010.can_simple.states import STATES
+from axisbus.drives.gim6010.can_simple.messages import STATES, command_name
 from axisbus.wording import counted
 
 ENOUGH = 4  # frames that prove a heartbeat
@@ -75,7 +74,6 @@ class Speaker(NamedTuple):
 
     @property
     def plain(self) -> dict[str, object]:
-        """The same as plain values."""
         return {
             "protocol": "CAN Simple" if self.protocol is Protocol.CAN_SIMPLE else "29-bit",
             "node_id": self.node,
@@ -153,13 +151,21 @@ class ProtocolListener:
         return f"{speaker.protocol.value}, node {speaker.node}, {name}: {said or frame.data.hex(' ').upper() or 'no data'}"
 
     def commands(self, can_ids: Iterable[int]) -> set[int]:
-        """Return those of some 11-bit identifiers that a module with CAN Simple takes for commands to it."""
+        """Return the 11-bit identifiers among ``can_ids`` that a module with CAN Simple takes for commands to it."""
         nodes = {each.node for each in self.speakers if each.protocol is Protocol.CAN_SIMPLE}
         return {can_id for can_id in can_ids if split(can_id).node in nodes}
 
     def heard(self) -> list[str]:
         """Return the modules heard, a line per protocol; empty if there are none."""
-        return heard(self.speakers)
+        lines, speakers = [], self.speakers
+        for protocol in Protocol:
+            found = [each for each in speakers if each.protocol is protocol]
+            if found:
+                who = counted(len(found), "module speaks", "modules speak")
+                lines.append(
+                    f"{who} {protocol.value}, not CANopen: {', '.join(each.words for each in found)}"
+                )
+        return lines
 
     def remedies(self) -> list[str]:
         """Return what to do about the modules heard, a line per protocol."""
@@ -241,17 +247,6 @@ REMEDIES = {
     Protocol.EXTENDED: "the manufacturer's firmware 0.6.8 and later may use it, and the manual does not describe it: ask the "
     f"manufacturer, or try over USB whether it can be changed ({_SWITCH}, both with --usb)",
 }
-
-
-def heard(speakers: Sequence[Speaker]) -> list[str]:
-    """Return the modules heard, a line per protocol; empty if there are none."""
-    lines = []
-    for protocol in Protocol:
-        found = [each for each in speakers if each.protocol is protocol]
-        if found:
-            who = counted(len(found), "module speaks", "modules speak")
-            lines.append(f"{who} {protocol.value}, not CANopen: {', '.join(each.words for each in found)}")
-    return lines
 
 
 def heartbeat_words(speaker: Speaker, data: bytes) -> str:

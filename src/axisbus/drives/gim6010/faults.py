@@ -83,7 +83,8 @@ def explain(code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
 
     ``code`` is 603Fh (0: not read); ``details`` contains the values of those ``OBJECTS`` that could be read.
     """
-    bits = _bits(details)
+    low, high = details.get(ERROR_BITS_LOW, 0), details.get(ERROR_BITS_HIGH, 0)
+    bits = (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
     register = details.get(ERROR_REGISTER)
     if not bits:
         named = [fault for fault in FAULTS if fault.code == code and code != SEE_BITS]
@@ -98,13 +99,7 @@ def explain(code: int, details: Mapping[tuple[int, int], int]) -> list[str]:
     return [_sentence(_narrowed(by_bit[bit], code, register), f"bit 0x{bit:08X}") for bit in order]
 
 
-def _bits(details: Mapping[tuple[int, int], int]) -> int:
-    low, high = details.get(ERROR_BITS_LOW, 0), details.get(ERROR_BITS_HIGH, 0)
-    return (high & 0xFFFFFFFF) << 32 | low & 0xFFFFFFFF
-
-
 def _single(bits: int) -> list[int]:
-    """Return the bits that are set, each as a number."""
     return [1 << place for place in range(bits.bit_length()) if bits >> place & 1]
 
 
@@ -114,12 +109,9 @@ def _narrowed(faults: Iterable[GimFault], code: int, register: int | None) -> li
     if code:
         left = [fault for fault in left if fault.code in (code, None)] or left
     if register:
-        left = [fault for fault in left if _registered(fault, register)] or left
+        here = [fault for fault in left if fault.register_bit is None or register >> fault.register_bit & 1]
+        left = here or left
     return left
-
-
-def _registered(fault: GimFault, register: int) -> bool:
-    return fault.register_bit is None or bool(register >> fault.register_bit & 1)
 
 
 def words(category: str, error: int) -> list[str]:

@@ -14,7 +14,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
-from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import NoReturn, Self
@@ -24,13 +23,11 @@ from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
-from axisbus.drives.gim6010.bus.run import interrupts, send, send_parting
+from axisbus.drives.gim6010.bus.run import frames_of, interrupts, send, send_parting
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
-from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader
-from axisbus.drives.gim6010.mit_settings import MitSettings, ranges_of
+from axisbus.drives.gim6010.mit_control import MitCycle, MitLeader, MitSettings, ranges_of
 from axisbus.errors import ArgumentError, AxisbusError, NodeError, StateError, UserError
 
 _TICKS = 4  # steps of the thread in a period
@@ -75,10 +72,7 @@ class MitControl:
         return made
 
     def __enter__(self) -> Self:
-        for can_id in identifiers(self.settings.node):
-            ear = partial(self._hear, can_id)
-            self._channel.subscribe(can_id, ear)
-            self._stack.callback(self._channel.unsubscribe, can_id, ear)
+        self._stack.enter_context(frames_of(self._channel, self.settings.node, self._heard))
         self._stack.callback(atexit.unregister, self._at_exit)
         atexit.register(self._at_exit)
         self._stack.enter_context(interrupts(self._hear_signal))  # ends first
@@ -164,7 +158,6 @@ class MitControl:
 
     @property
     def is_active(self) -> bool:
-        """Whether the module accepts commands."""
         return self._leader is not None and self._leader.is_running
 
     @property
@@ -188,7 +181,9 @@ class MitControl:
         try:
             while not leader.done:
                 with self._came:
-                    frame = self._turn(leader)
+                    while self._heard:
+                        leader.note(self._heard.popleft())
+                    frame = leader.step(time.monotonic())
                     self._came.notify_all()
                 if frame is not None:
                     self._send(leader, frame)
@@ -198,11 +193,6 @@ class MitControl:
                 self._give_up(leader)
             with self._came:
                 self._came.notify_all()
-
-    def _turn(self, leader: MitLeader) -> Outgoing | None:
-        while self._heard:
-            leader.note(self._heard.popleft())
-        return leader.step(time.monotonic())
 
     def _send(self, leader: MitLeader, frame: Outgoing) -> None:
         try:
@@ -216,9 +206,6 @@ class MitControl:
         leader.give_up(
             "the thread of this program has failed: damping and idle were sent, and their effect was not checked"
         )
-
-    def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
-        self._heard.append(CanFrame(stamp, can_id, bytes(data)))
 
     # Stopping.
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 
 from axisbus.cia301 import cob
-from axisbus.drives.gim6010.can_simple.coexistence import clashes, identifiers
-from axisbus.drives.gim6010.can_simple.identifier import require_node
+from axisbus.drives.gim6010.can_simple.identifier import clashes, identifiers, require_node
 from axisbus.drives.gim6010.discovery.finder import Finder
 from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
 from axisbus.errors import StateError
@@ -108,7 +107,6 @@ def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) 
 
 
 def canopen_nodes(found: Sequence[DiscoveredModule]) -> set[int]:
-    """Return the CANopen nodes among the modules found."""
     return {each.node for each in found if each.protocol is ProtocolsFound.CANOPEN and each.node is not None}
 
 

@@ -23,8 +23,7 @@ from axisbus.drives.gim6010.can_simple.codec import (
 from axisbus.drives.gim6010.can_simple.fields import MessageField, Number
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import NODES, can_id, split
-from axisbus.drives.gim6010.can_simple.messages import command_name
-from axisbus.drives.gim6010.can_simple.states import state_words
+from axisbus.drives.gim6010.can_simple.messages import command_name, state_words
 from axisbus.errors import ArgumentError
 from axisbus.trace.other_protocols import NodeFrameText, TracePart
 from axisbus.trace.services import Words
@@ -68,11 +67,7 @@ class CanSimpleDecoder:
 
 
 def nodes_of(text: str) -> tuple[int, ...]:
-    """Return the nodes in a text such as ``0,1,5``.
-
-    Raises:
-        ArgumentError: one of them is not a node ID of CAN Simple.
-    """
+    """Return the nodes in a text such as ``0,1,5``. Raises ArgumentError: one of them is not a node ID of CAN Simple."""
     found = []
     for each in text.split(","):
         word = each.strip()

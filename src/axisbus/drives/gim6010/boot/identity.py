@@ -1,15 +1,104 @@
-"""Check over CAN Simple, as far as possible, that a module is the one of the cell file; if not, describe the module found."""
+"""Listen to one module and ask it questions, and check, as far as possible, that it is the one of the cell file."""
 
 from __future__ import annotations
 
 import math
+from collections import deque
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TypeVar, cast
 
-from axisbus.drives.gim6010.boot.discovery import NodeListener
+from axisbus.bus.link.channel import Channel
+from axisbus.cia301 import cob
+from axisbus.cia301.frame import CanFrame
+from axisbus.drives.gim6010.bus.run import send
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
-from axisbus.drives.gim6010.can_simple.heartbeat import HeartbeatLayout
-from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
-from axisbus.drives.gim6010.discovery.questions import SimpleFacts
+from axisbus.drives.gim6010.can_simple.heartbeat import HeartbeatLayout, HeartbeatMonitor
+from axisbus.drives.gim6010.discovery.questions import ProbeFrame, SimpleFacts
+from axisbus.drives.gim6010.factory_protocols import is_beat
 from axisbus.errors import BootError
+
+T = TypeVar("T")
+
+_TICK = 0.002  # s between two checks for new frames
+_ANSWER = 0.1  # s allowed for an answer
+_KEPT = 1000  # frames stored until they are evaluated
+
+
+@dataclass(slots=True)
+class NodeListener:
+    """The frames received from one node ID; holds state.
+
+    ``canopen`` counts the heartbeats of a CANopen node of this ID, ``extended`` counts the heartbeats of the 29-bit protocol.
+    """
+
+    channel: Channel
+    node: int
+    answer: float = _ANSWER  # s allowed for one answer
+    canopen: int = 0
+    extended: int = 0
+    pulse: HeartbeatMonitor = field(init=False)
+    _heard: deque[CanFrame] = field(default_factory=lambda: deque(maxlen=_KEPT))
+
+    def __post_init__(self) -> None:
+        self.pulse = HeartbeatMonitor(self.node)
+
+    def hear(self, frame: CanFrame) -> None:
+        """Store a frame. Runs in the receive thread."""
+        self._heard.append(frame)
+
+    def wait(self, seconds: float, until: Callable[[], bool] = lambda: False) -> bool:
+        """Listen for ``seconds``, or until ``until`` returns true; return the last result of ``until``. Blocks.
+
+        Raises AdapterError if the channel has failed.
+        """
+        end = self.channel.clock.now() + seconds
+        while not until() and self.channel.clock.now() < end:
+            self._take_all()
+            self.channel.clock.sleep(_TICK)
+        self.channel.check()
+        return until()
+
+    @property
+    def quickest(self) -> float:
+        """The shortest time (s) between two heartbeats, as a busy computer delays some; infinite before the second heartbeat."""
+        times = [stamp for stamp, _ in self.pulse.stamps]
+        return min((after - before for before, after in pairwise(times)), default=math.inf)
+
+    def ask(self, asking: Generator[ProbeFrame, CanFrame | None, T]) -> T:
+        """Ask all questions of ``asking``, one after the other, and return its result; blocks for at most 0.1 s per question."""
+        try:
+            question = next(asking)
+            while True:
+                question = asking.send(self._answer(question))
+        except StopIteration as end:
+            return cast("T", end.value)
+
+    def _answer(self, question: ProbeFrame) -> CanFrame | None:
+        self._take_all()
+        send(self.channel, question.frame)
+        end = self.channel.clock.now() + self.answer
+        while self.channel.clock.now() < end:
+            for frame in self._take_all():
+                if question.answered_by(frame):
+                    return frame
+            self.channel.clock.sleep(_TICK)
+        return None
+
+    def _take_all(self) -> list[CanFrame]:
+        frames = [self._heard.popleft() for _ in range(len(self._heard))]
+        for frame in frames:
+            self._take(frame)
+        return frames
+
+    def _take(self, frame: CanFrame) -> None:
+        self.extended += is_beat(frame)
+        if frame.extended or frame.remote or frame.error:
+            return
+        self.canopen += frame.can_id == cob.HEARTBEAT + self.node and len(frame.data) == 1
+        self.pulse.take(frame)
+
 
 HEARTBEAT, IDENTITY = "heartbeat", "identity"
 _COUNTS, _NEWEST = Firmware(0, 5, 12), Firmware(0, 5, 13)  # the first with each layout (manual v2.2, 4.1.2)
@@ -24,7 +113,7 @@ def no_answer_error(listening: NodeListener, seconds: float, health: str) -> Boo
         return _told(
             f"node {node} uses CANopen, not CAN Simple",
             node,
-            f"heartbeats of a CANopen node came: {cob(node)}",
+            f"heartbeats of a CANopen node came: {0x700 + node:03X}h",
             f'write eds = "builtin:gim6010-8" in [nodes.{node}] instead of protocol = "can_simple"',
         )
     if listening.extended:
@@ -43,11 +132,6 @@ def no_answer_error(listening: NodeListener, seconds: float, health: str) -> Boo
     )
 
 
-def cob(node: int) -> str:
-    """Return the identifier of a CANopen heartbeat in the usual notation, such as 701h."""
-    return f"{0x700 + node:03X}h"
-
-
 def require_one(listening: NodeListener, expected: float) -> None:
     """Check that only one module has the node ID and that it sends a heartbeat at least every 1.5 times ``expected`` (s).
 
@@ -55,7 +139,7 @@ def require_one(listening: NodeListener, expected: float) -> None:
         BootError: several modules have the node ID, or the heartbeats come too seldom.
     """
     node = listening.node
-    if count_senders(listening.stamps) > 1:
+    if not listening.pulse.alone:
         raise _told(
             f"several modules have the node ID {node}",
             node,
@@ -86,8 +170,12 @@ def require_firmware(listening: NodeListener, facts: SimpleFacts, text: str | No
     observed = ""
     if facts.version is not None and facts.version != wanted:
         observed = f"it reports {facts.version}"
-    elif facts.version is None and listening.beats.layouts and _layout(wanted) not in listening.beats.layouts:
-        shown = " or ".join(sorted(each.value for each in listening.beats.layouts))
+    elif (
+        facts.version is None
+        and listening.pulse.beats.layouts
+        and _layout(wanted) not in listening.pulse.beats.layouts
+    ):
+        shown = " or ".join(sorted(each.value for each in listening.pulse.beats.layouts))
         observed = f"its heartbeats show {shown}"
     if observed:
         raise BootError(
@@ -104,7 +192,7 @@ def words(listening: NodeListener, facts: SimpleFacts, text: str | None) -> str:
     if facts.version is not None:
         serial = "" if facts.serial is None else f", serial number ends in {facts.serial:08X}h"
         return f"firmware {facts.version}, by its endpoints{serial}"
-    layouts = " or ".join(sorted(each.value for each in listening.beats.layouts)) or "no known layout"
+    layouts = " or ".join(sorted(each.value for each in listening.pulse.beats.layouts)) or "no known layout"
     asked = "" if text is None else f"; firmware {text} by the cell file, which it does not confirm"
     return f"it answers no endpoint, so only its heartbeats are known: {layouts}{asked}"
 

@@ -7,20 +7,22 @@ import math
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, Booted, NodeReport
 from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
+from axisbus.bus.link.channel import Channel
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import AxisConfig, CellConfig
 from axisbus.cell.scale_proposal import ScaleReport
+from axisbus.cia301.tables import rows
 from axisbus.cia402 import modes
 from axisbus.cia402 import objects as o
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.boot import identity
-from axisbus.drives.gim6010.boot.discovery import BootChannel, NodeListener
+from axisbus.drives.gim6010.boot.identity import NodeListener
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.can_simple.port.objects import ModuleObjects
 from axisbus.drives.gim6010.can_simple.port.settings import FEEDS, ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
-from axisbus.drives.gim6010.cell.modules import drive_of, list_of, module_of, module_parameters
+from axisbus.drives.gim6010.cell import drive_of, list_of, module_of, module_parameters
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.questions import SimpleFacts
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN, GIM6010
@@ -50,7 +52,7 @@ class ModuleBoot:
         cell: CellConfig,
         settings: ModuleSettings,
         objects: ModuleObjects,
-        channel: BootChannel,
+        channel: Channel,
         find_time: float,
     ) -> None:
         """``objects`` are those of the module's port, for the cell file's writes; ``find_time`` (s) limits the first heartbeat."""
@@ -89,13 +91,13 @@ class ModuleBoot:
 
     def _hear(self) -> None:
         listening = self._listening
-        if not listening.wait(self._find_time, lambda: listening.beats.last is not None):
+        if not listening.wait(self._find_time, lambda: listening.pulse.last is not None):
             health = (
                 self._channel.health() or f"nothing is wrong with the channel {self._channel.name} itself"
             )
             raise identity.no_answer_error(listening, self._find_time, health)
         listening.wait(_BEATS)
-        listening.wait(_SELDOM, lambda: len(listening.stamps) > 1)
+        listening.wait(_SELDOM, lambda: len(listening.pulse.stamps) > 1)
         identity.require_one(listening, self._settings.heartbeat)
         self._report.steps.append("heard")
 
@@ -141,7 +143,7 @@ class ModuleBoot:
     def _fault_words(self) -> list[str]:
         if not self._beat_faults:
             return []
-        beat = self._listening.beats.last
+        beat = self._listening.pulse.last
         known = {"axis": 0 if beat is None else beat.axis_error, **self._facts.errors}
         texts = [text for category, word in known.items() for text in faults.words(category, word)]
         unknown = " (its error words are not answered by this firmware)" if self._facts.silent else ""
@@ -153,6 +155,9 @@ class ModuleBoot:
         found = module_parameters(self._cell, axis.name)
         rungs = ladder(axis.name, self._settings, found.stop_times, found.holds_load)
         scale = scale_proposal.compare(found.units.position, self._turns())
+        rated = None
+        if axis.rated_torque is not None:
+            rated = ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module contains it", None)
         warnings = self._report.warnings
         warnings += rungs.warnings
         if scale.agrees is False:
@@ -169,7 +174,7 @@ class ModuleBoot:
                 False,
                 rungs,
                 scale,
-                _rated(axis),
+                rated,
                 promises(found),
             )
         )
@@ -193,12 +198,12 @@ class ModuleBoot:
 
     @property
     def _state(self) -> int:
-        beat = self._listening.beats.last
+        beat = self._listening.pulse.last
         return 0 if beat is None else beat.state
 
     @property
     def _beat_faults(self) -> tuple[str, ...]:
-        beat = self._listening.beats.last
+        beat = self._listening.pulse.last
         return () if beat is None else beat.faults
 
     @property
@@ -211,12 +216,6 @@ class ModuleBoot:
         gear = None if module is None or module.gear_ratio is None else round(module.gear_ratio * 1000)
         motor = {(o.ENCODER_RESOLUTION, 1): COUNTS_PER_ROTOR_TURN, (o.ENCODER_RESOLUTION, 2): 1}
         return {**motor, (o.GEAR_RATIO, 1): gear, (o.GEAR_RATIO, 2): 1000}
-
-
-def _rated(axis: AxisConfig) -> ScaleReport | None:
-    if axis.rated_torque is None:
-        return None
-    return ScaleReport(f"{abs(axis.rated_torque):g} N·m", "no message of a module contains it", None)
 
 
 # -- Describe how the axis of a module stops, and which of its watchdogs detect the loss of the master, in plain words ----------
@@ -317,32 +316,23 @@ def _axis(seconds: float | None, *, works: bool) -> str:
 
 def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad) -> StopLadderReport:
     """Return the stop sequence of an axis with the effect of each step; ``times`` are the deadlines of the steps."""
-    at_rest = (
-        "then stays in closed loop and holds its position" if settings.quick_stop_holds else "then power off"
-    )
-    ramp = f"{settings.velocity_ramp:g} turns/s² of the rotor, by the cell file"
-    rows = [
-        (
-            "1 halt",
-            "trapezoid",
-            "brakes with the deceleration of the command, then stays in closed loop and holds"
-            + _within(times.halt),
-        ),
-        (
-            "2 quick stop",
-            "velocity 0",
-            f"brakes on its own vel_ramp_rate ({ramp}), {at_rest}" + _within(times.quick_stop),
-        ),
-        ("3 power off", "idle", _COASTS + _within(times.disable)),
-        ("4 NMT stop", "Estop", "the motor coasts, and its error latches until the axis is reset"),
-        ("on a fault", "", "the module switches its power off: the motor coasts"),
-        ("on a lost link", "", f"{_GOES_ON}: see the watchdog"),
+    holds = settings.quick_stop_holds
+    values = {
+        "ramp": settings.velocity_ramp,
+        "at_rest": "then stays in closed loop and holds its position" if holds else "then power off",
+        "coasts": _COASTS,
+        "goes_on": _GOES_ON,
+        **{name: _within(getattr(times, name)) for name in ("halt", "quick_stop", "disable")},
+    }
+    steps = [
+        (row["step"], row["request"], row["effect"].format(**values))
+        for row in rows(__package__, "stop_sequence.tsv")
     ]
     if holds_load is not HoldsLoad.NO:
-        rows.append(
+        steps.append(
             ("holds a load", "", f"by its {holds_load.value}: never switched off before it is at standstill")
         )
-    return StopLadderReport(axis, tuple(rows), (f"{axis}: power off, and any fault: {_COASTS}",))
+    return StopLadderReport(axis, tuple(steps), (f"{axis}: power off, and any fault: {_COASTS}",))
 
 
 def _within(seconds: float) -> str:

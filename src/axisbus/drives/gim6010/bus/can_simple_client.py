@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from types import TracebackType
 from typing import Self
@@ -10,39 +9,29 @@ from typing import Self
 from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.drives.gim6010.bus.run import send
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
-from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, Heartbeats
+from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, HeartbeatMonitor
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.discovery.bus_snapshot import count_senders
 from axisbus.drives.gim6010.make import RESTART_BEGINS
 from axisbus.errors import NodeError
 
 LISTEN = 1.1  # s before the first request: heartbeats of 100 ms, and those of a second module of this ID
-_GONE = 0.6  # s without a heartbeat, at least, after which a module counts as gone
-_PERIODS = 5  # of its heartbeat, if that is longer
-_KEPT = 32
 PACE = 0.002  # s between two requests to a module that answers
 _LOOK = 0.05
 _SAVE = named("Save_Configuration")
 
 
 class SimpleLine:
-    """Follows the heartbeats of one node ID and sends requests; holds state: the heartbeats received. Used by one thread."""
+    """Follows the heartbeats of one node ID and sends requests; holds state: the heartbeats in ``pulse``. Used by one thread."""
 
     def __init__(self, channel: Channel, node: int) -> None:
-        """``node`` is 0 to 63.
-
-        Raises:
-            ArgumentError: ``node`` is out of this range.
-        """
+        """``node`` is 0 to 63. Raises ArgumentError: it is not."""
         self.channel = channel
         self.clock = channel.clock
         self.node = node
-        self.beats = Heartbeats()
-        self._stamps: deque[tuple[float, bytes]] = deque(maxlen=_KEPT)
+        self.pulse = HeartbeatMonitor(node)
         self._came = channel.clock.condition()
         self._ears: list[tuple[int, Receiver]] = [(can_id(node, COMMAND), self._beat)]
-        self._expected = Heartbeats()  # as it was at the last ``listen``
 
     def __enter__(self) -> Self:
         for identifier, receiver in self._ears:
@@ -69,19 +58,19 @@ class SimpleLine:
         require_other_thread(self.channel, "listening to a module")
         self.clock.sleep(seconds)
         self.channel.check()
-        if count_senders(list(self._stamps)) > 1:
+        if not self.pulse.alone:
             raise several(self.node)
-        self._expected = self.beats
+        self.pulse.settle()
 
     @property
     def state(self) -> int | None:
         """Axis state in the last heartbeat; None if no heartbeat came recently."""
-        return None if self.beats.last is None or self._late() else self.beats.last.state
+        return None if self.pulse.last is None or self._late() else self.pulse.last.state
 
     @property
     def last_beat(self) -> float | None:
         """Time of the last heartbeat (seconds of the clock)."""
-        return self._stamps[-1][0] if self._stamps else None
+        return self.pulse.at if self.pulse.stamps else None
 
     def require_there(self) -> None:
         """Check that the module neither restarted nor left since ``listen``; no check is possible if it sends no heartbeats.
@@ -89,18 +78,18 @@ class SimpleLine:
         Raises:
             NodeError: it restarted or left.
         """
-        if self.beats.restarts > self._expected.restarts:
+        if self.pulse.restarted:
             raise NodeError(
                 f"module {self.node} restarted meanwhile",
                 node=self.node,
                 observed="its heartbeat counter restarted",
                 remedy="the values written into its RAM are lost: check its supply, then begin again",
             )
-        if self._stamps and self._late():
+        if self.pulse.stamps and self._late():
             raise NodeError(
                 f"module {self.node} no longer sends heartbeats",
                 node=self.node,
-                observed=f"the last one came {self.clock.now() - self._stamps[-1][0]:.1f} s ago",
+                observed=f"the last one came {self.clock.now() - self.pulse.at:.1f} s ago",
                 remedy="check its supply and cable; axisbus gim6010 find searches for it",
             )
 
@@ -112,10 +101,10 @@ class SimpleLine:
         Raises:
             NodeError: it does not restart; ``remedy`` says what to do then.
         """
-        began, restarts = self.clock.now(), self.beats.restarts
+        began, restarts = self.clock.now(), self.pulse.beats.restarts
         self.send(encode(self.node, _SAVE))
         while self.clock.now() < began + RESTART_BEGINS:
-            if self.beats.restarts > restarts or is_silent():
+            if self.pulse.beats.restarts > restarts or is_silent():
                 return began
             self.clock.sleep(_LOOK)
         raise NodeError(
@@ -141,22 +130,14 @@ class SimpleLine:
             self._came.notify_all()
 
     def _late(self) -> bool:
-        stamps = [stamp for stamp, _ in self._stamps]
-        if len(stamps) < 2:
-            return not stamps or self.clock.now() - stamps[-1] > 2 * LISTEN
-        usual = (stamps[-1] - stamps[0]) / (len(stamps) - 1)
-        return self.clock.now() - stamps[-1] > max(_GONE, _PERIODS * usual)
+        return self.pulse.is_silent(self.clock.now(), 2 * LISTEN)
 
     def _beat(self, data: bytes, stamp: float) -> None:
-        seen = self.beats.after(self.node, data)
-        if isinstance(seen, Heartbeats):
-            self.beats = seen
-            self._stamps.append((stamp, data))
+        if self.pulse.hear(bytes(data), stamp):
             self.notify()
 
 
 def several(node: int) -> NodeError:
-    """Return the error of several modules with one node ID."""
     return NodeError(
         f"several modules have the node ID {node}, or another program also sends requests to it",
         node=node,

@@ -104,7 +104,7 @@ class CanSimpleParameters(ParametersByNumber):
     @property
     def axis_error(self) -> int:
         """The axis's error word in its last heartbeat, 0 if there was none."""
-        last = self.line.beats.last
+        last = self.line.pulse.last
         return 0 if last is None else last.axis_error
 
     def _clear(self) -> None:
@@ -212,6 +212,6 @@ class CanSimpleParameters(ParametersByNumber):
         raise NodeTimeout(
             f"module {self.node} does not come back after saving",
             node=self.node,
-            observed=f"no sign of it in {RESTART_TIME:g} s; {seen}",
+            observed=f"it did not answer within {RESTART_TIME:g} s; {seen}",
             remedy="search for it: axisbus gim6010 find; a new bit rate or protocol is active from now on",
         )

@@ -61,10 +61,7 @@ def stop_on_line(
     """Stop the module: velocity 0 on its own ramp, idle, emergency stop, until standstill without power was seen; blocks.
 
     A module in idle gets nothing; a module that does not answer gets the requests of every step. Each time that ``impatience()``
-    grows, the next step begins. ``tell`` is called with the outcome.
-
-    Raises:
-        DriveError: it is not confirmed as stopped.
+    grows, the next step begins. ``tell`` is called with the outcome. Raises DriveError: it is not confirmed as stopped.
     """
     settings = ModuleSettings(
         channel_node(device), _FASTEST, _ANY, _ANY, _ANY, _ANY, heartbeat=HEARTBEAT_BY_LINE, relayed=True
@@ -101,11 +98,7 @@ class ModbusWatchdogProcess:
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
-        """Start it; blocks until it is ready.
-
-        Raises:
-            StateError: it cannot be started.
-        """
+        """Start it; blocks until it is ready. Raises StateError: it cannot be started."""
         command = [sys.executable, "-m", __name__, *self._arguments]
         self._process = subprocess.Popen(
             command,
@@ -130,7 +123,6 @@ class ModbusWatchdogProcess:
 
     @property
     def is_there(self) -> bool:
-        """Whether the process is still running."""
         return self._process is not None and self._process.poll() is None
 
     def _end(self, word: bytes) -> None:

@@ -7,6 +7,7 @@ import threading
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from types import FrameType
 from typing import Any, Protocol
 
@@ -14,6 +15,7 @@ from axisbus.bus.link.channel import Channel, require_other_thread
 from axisbus.bus.link.controller import CanErrorState
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.identifier import identifiers
 from axisbus.errors import AdapterError, AxisbusError
 from axisbus.system.signals import present
 
@@ -103,18 +105,7 @@ class _Watch:
 _LENGTH = 8  # bytes that a remote frame requests
 
 
-class Sends(Protocol):
-    """Destination of the frames: a ``Channel``."""
-
-    def send(self, can_id: int, data: bytes) -> None:
-        """Send a data frame."""
-
-    def send_remote(self, can_id: int, length: int = 0) -> None:
-        """Send a remote frame."""
-
-
-def send(channel: Sends, request: Outgoing) -> None:
-    """Send the frame; raises as ``Channel.send``."""
+def send(channel: Channel, request: Outgoing) -> None:
     if request.remote:
         channel.send_remote(request.can_id, _LENGTH)
     else:
@@ -198,6 +189,23 @@ def send_parting(channel: Channel, dialogue: Interruptible) -> None:
         for frame in dialogue.parting:
             with suppress(AxisbusError):
                 send(channel, frame)
+
+
+@contextmanager
+def frames_of(channel: Channel, node: int, heard: deque[CanFrame]) -> Iterator[None]:
+    """Append all frames with identifiers of a module to ``heard`` within the block; they are appended in the receive thread."""
+
+    def hear(can_id: int, data: bytes, stamp: float) -> None:
+        heard.append(CanFrame(stamp, can_id, bytes(data)))
+
+    ears = {can_id: partial(hear, can_id) for can_id in identifiers(node)}
+    for can_id, ear in ears.items():
+        channel.subscribe(can_id, ear)
+    try:
+        yield
+    finally:
+        for can_id, ear in ears.items():
+            channel.unsubscribe(can_id, ear)
 
 
 @contextmanager

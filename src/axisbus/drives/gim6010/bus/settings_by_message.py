@@ -9,9 +9,8 @@ from contextlib import ExitStack
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.can_simple_client import LISTEN, SimpleLine, several
 from axisbus.drives.gim6010.can_simple.codec import encode, request
-from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.messages import IDLE, named, state_words
 from axisbus.drives.gim6010.can_simple.orders import Orders
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
 from axisbus.drives.gim6010.make import RESTART_TIME
 from axisbus.drives.gim6010.parameters import rules
 from axisbus.errors import NodeError, NodeTimeout, StateError
@@ -94,7 +93,7 @@ class ModuleByMessage:
         self.require_idle(_AFTER)
         self.line.send(Orders(self.line.node).clear())
         self.require_idle(_AFTER)
-        last = self.line.beats.last
+        last = self.line.pulse.last
         word = None if last is None else last.axis_error
         if word != 0:
             raise rules.not_cleared(f"module {self.line.node}", self.line.node, word)
@@ -202,6 +201,6 @@ def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     raise NodeTimeout(
         f"module {after.node} does not come back after saving",
         node=after.node,
-        observed=f"no sign of it in {RESTART_TIME:g} s",
+        observed=f"it did not answer within {RESTART_TIME:g} s",
         remedy="search for it: axisbus gim6010 find",
     )

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping
-from functools import partial
+from contextlib import ExitStack
 
 from axisbus.bus.link.channel import Channel
 from axisbus.cia301.frame import CanFrame
-from axisbus.drives.gim6010.bus.run import send
+from axisbus.drives.gim6010.bus.run import frames_of, send
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
-from axisbus.drives.gim6010.can_simple.coexistence import identifiers
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
 from axisbus.drives.gim6010.can_simple.port.stop_without_scan import ModuleRescue
 from axisbus.errors import BusError
@@ -34,15 +33,10 @@ def stop_modules(
     """
     heard: deque[CanFrame] = deque()
     rescues = {name: _rescue(settings, alone) for name, settings in modules.items()}
-    ears = {
-        can_id: partial(_hear, heard, can_id)
-        for settings in modules.values()
-        for can_id in identifiers(settings.node)
-    }
     patience = impatience()
-    for can_id, ear in ears.items():
-        channel.subscribe(can_id, ear)
-    try:
+    with ExitStack() as stack:
+        for settings in modules.values():
+            stack.enter_context(frames_of(channel, settings.node, heard))
         while not all(each.text for each in rescues.values()):
             if impatience() > patience:
                 patience += 1
@@ -50,9 +44,6 @@ def stop_modules(
                     each.escalate(channel.clock.now())
             _step(channel, heard, rescues)
             channel.clock.sleep(_POLL)
-    finally:
-        for can_id, ear in ears.items():
-            channel.unsubscribe(can_id, ear)
     return [StopResult(name, each.ok, each.text) for name, each in rescues.items()]
 
 
@@ -77,7 +68,3 @@ def _send(channel: Channel, order: Outgoing) -> None:
     except BusError:
         if not order.remote:
             channel.send_urgent([(order.can_id, order.data)])
-
-
-def _hear(heard: deque[CanFrame], can_id: int, data: bytes, stamp: float) -> None:
-    heard.append(CanFrame(stamp, can_id, bytes(data)))

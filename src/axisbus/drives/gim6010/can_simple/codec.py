@@ -152,7 +152,8 @@ def request(node: int, message: Message, *, remote: bool = True) -> Outgoing:
     if message.asked is not MessageRequestMethod.EMPTY:
         possible = [each.name for each in messages.MESSAGES if each.asked is MessageRequestMethod.EMPTY]
         raise ArgumentError(
-            f"{message.name} is not answered to an empty request", remedy=f"these are: {', '.join(possible)}"
+            f"{message.name} is not sent in answer to an empty request",
+            remedy=f"these are: {', '.join(possible)}",
         )
     return Outgoing(can_id(node, message.command), b"" if remote else bytes(LENGTH), remote)
 
@@ -235,7 +236,6 @@ def _read(
 
 
 def short(place: Identifier, data: bytes, needed: int) -> Unexpected:
-    """Return the ``Unexpected`` for data with too few bytes."""
     details = f"{counted(len(data), 'byte')} where {needed} are needed"
     return _unexpected(place, data, Reason.LENGTH, details)
 

@@ -13,7 +13,6 @@ import math
 import struct
 from dataclasses import dataclass
 
-from axisbus.drives.gim6010.can_simple import protected_parameters as protection
 from axisbus.drives.gim6010.can_simple.codec import (
     DecodedMessage,
     Outgoing,
@@ -28,6 +27,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
     VERSION_ENDPOINTS,
     Endpoint,
     FittedList,
+    protected,
 )
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.identifier import can_id, split
@@ -104,10 +104,11 @@ def write(
         LimitError: the value is beyond its type.
     """
     endpoint = listed.endpoint(path)
-    found = protection.protected(endpoint.path)
+    found = protected(endpoint.path)
     if found is not None and not by_name:
         raise ArgumentError(
-            f"{endpoint.path} is protected: it {found.why}", remedy="name it explicitly if you mean it"
+            f"{endpoint.path} is protected: it {found.why}",
+            remedy="to write it all the same, name exactly this parameter",
         )
     if not endpoint.writable:
         raise ArgumentError(f"{endpoint.path} cannot be written", remedy="it is read-only")

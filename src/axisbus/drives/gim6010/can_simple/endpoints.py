@@ -12,8 +12,10 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from fnmatch import fnmatchcase
 from typing import Any, NamedTuple, TypeVar
 
+from axisbus.cia301.tables import rows
 from axisbus.errors import ArgumentError
 
 _DEEPEST = 32
@@ -191,11 +193,7 @@ class Firmware(NamedTuple):
 
     @classmethod
     def parse(cls, text: str) -> Firmware:
-        """Return the version in a text: ``0.5.13``, ``v0.5.13``.
-
-        Raises:
-            ArgumentError: the text is not a version.
-        """
+        """Return the version in a text: ``0.5.13``, ``v0.5.13``. Raises ArgumentError: the text is not a version."""
         found = re.fullmatch(r"v?(\d{1,3})\.(\d{1,3})\.(\d{1,3})", text.strip(), re.ASCII)
         if found is None:
             raise ArgumentError(f"{text!r} is not a version of a firmware", remedy="write it as 0.5.13")
@@ -260,11 +258,7 @@ class FittedList:
                 )
 
     def endpoint(self, path: str) -> Endpoint:
-        """Return a parameter by its path, with or without ``odrv0.``.
-
-        Raises:
-            ArgumentError: the list has no such parameter.
-        """
+        """Return a parameter by its path, with or without ``odrv0.``. Raises ArgumentError: the list has no such parameter."""
         return found_in(self.listed.endpoints, path, "parameter", self.listed.source)
 
 
@@ -282,3 +276,23 @@ def found_in(found: Mapping[str, _Found], path: str, kind: str, source: str) -> 
         f"{source}: there is no {kind} {path!r}",
         remedy=f"did you mean {' or '.join(near)}?" if near else f"give the path of a {kind} in the list",
     )
+
+
+# -- Parameters and functions accessed only if named one by one: calibration, data of one specimen, communication, actions ---
+
+
+@dataclass(frozen=True, slots=True)
+class Protected:
+    """A row of the table: a path in which * matches any characters, its ``kind`` (calibration, unit, link, act), and the reason."""
+
+    path: str
+    kind: str
+    why: str
+
+
+TABLE = tuple(Protected(row["path"], row["kind"], row["why"]) for row in rows(__package__, "protected.tsv"))
+
+
+def protected(path: str) -> Protected | None:
+    """Return the row that protects a path (without ``odrv0.``); None if it is not protected."""
+    return next((each for each in TABLE if fnmatchcase(path, each.path)), None)

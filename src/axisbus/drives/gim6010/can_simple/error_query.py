@@ -26,7 +26,6 @@ class ErrorType(IntEnum):
 
     @property
     def length(self) -> int:
-        """Number of bytes of its error word."""
         return 8 if self is ErrorType.MOTOR else 4
 
 
@@ -34,10 +33,7 @@ def request(node: int, which: ErrorType) -> Outgoing:
     """Return the frame that requests an error word from ``node`` (0 to 63): its type is the first of eight bytes.
 
     By owners' reports, remote and empty frames, which contain no type, are not answered. Request one word at a time, and the next
-    after the answer or a time-out.
-
-    Raises:
-        ArgumentError: the node ID is invalid.
+    after the answer or a time-out. Raises ArgumentError: the node ID is invalid.
     """
     return encode(node, GET_ERROR, {"Error_Type": int(which)})
 

@@ -89,7 +89,6 @@ class MessageField:
 
     @property
     def end(self) -> int:
-        """The first bit after the field."""
         return self.start + self.type.bits
 
     def place(self, value: Number) -> int:
@@ -139,7 +138,8 @@ class MessageField:
     def _check(self, value: Number) -> None:
         if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
             raise ArgumentError(f"{self.name}: {value!r} is not a number that can be sent")
-        if self._whole and not isinstance(value, int):
+        whole = self.type.kind is not FieldEncoding.FLOAT and self.per_unit == 1
+        if whole and not isinstance(value, int):
             raise ArgumentError(f"{self.name}: {value!r} is not a whole number")
         if self.values and value not in self.values:
             listed = ", ".join(f"{number} ({words})" for number, words in self.values.items())
@@ -148,10 +148,6 @@ class MessageField:
             )
         if not self.low <= value <= self.high:
             raise self._beyond(value, self.low, self.high)
-
-    @property
-    def _whole(self) -> bool:
-        return self.type.kind is not FieldEncoding.FLOAT and self.per_unit == 1
 
     def _packed(self, value: Number) -> bytes:
         try:

@@ -1,4 +1,7 @@
-"""The messages of CAN Simple as one table (manual v2.2, 4.1.2), from which they are encoded, decoded and documented."""
+"""The messages of CAN Simple as one table (manual v2.2, 4.1.2), from which they are encoded, decoded and documented.
+
+Before it the states of the axis, which several messages contain (the manual's; the other names are from owners' reports).
+"""
 
 from __future__ import annotations
 
@@ -8,18 +11,39 @@ from enum import Enum
 
 from axisbus.cia301.tables import rows
 from axisbus.drives.gim6010.can_simple.fields import MessageField, from_row
-from axisbus.drives.gim6010.can_simple.states import REQUESTED_STATES
 from axisbus.errors import ArgumentError
 
+IDLE = 1
+CLOSED_LOOP = 8
+
+STATES = {
+    1: "idle",
+    2: "start-up",
+    3: "full calibration",
+    4: "motor calibration",
+    5: "sensorless control",
+    6: "encoder index search",
+    7: "encoder calibration",
+    8: "closed loop",
+    9: "lock-in spin",
+    10: "encoder direction search",
+    11: "homing",
+    12: "Hall polarity calibration",
+    13: "Hall phase calibration",
+    14: "anticogging or inertia calibration",
+    15: "encoder linearisation",
+    16: "motor dead-time calibration",
+}
+# The manual also lists 0 (undefined), for which there is no use.
+REQUESTED_STATES = {state: STATES[state] for state in (IDLE, 3, 4, 7, CLOSED_LOOP)}
+
+
+def state_words(state: int) -> str:
+    """Return the name of a state; for an unknown state, its number."""
+    return STATES.get(state, f"state {state}, which the manual does not name")
+
+
 LENGTH = 8  # bytes of every data frame sent (4.1.1)
-
-
-class Direction(Enum):
-    """Sender of a message."""
-
-    TO_MODULE = "to the module"
-    FROM_MODULE = "from the module"
-    BOTH = "both ways"
 
 
 class MessageRequestMethod(Enum):
@@ -28,26 +52,6 @@ class MessageRequestMethod(Enum):
     NEVER = ""  # it never sends it, or only unasked
     EMPTY = "by a remote frame, or by eight bytes of 0"
     WITH_DATA = "by a data frame that names the requested value"
-
-
-class Effect(Enum):
-    """Side effect of a message that a user must know beforehand."""
-
-    NONE = ""
-    STOPS = "stops the axis"
-    TURNS = "may turn the motor without a set-point"
-    REBOOTS = "restarts the module"
-    SHIFTS_ZERO = "shifts the position"
-    MOVES_IDENTIFIER = "changes the identifiers that the module answers to"
-
-
-class MessageSupport(Enum):
-    """Whether owners report that a module accepts or answers the message over CAN."""
-
-    YES = "confirmed by owners"
-    NO_REPORT = "not reported by owners"
-    SILENT = "owners got no answer"
-    OTHERWISE = "owners' reports contradict the manual"
 
 
 @dataclass(frozen=True, slots=True, repr=False)
@@ -63,19 +67,10 @@ class Message:
     sent: tuple[MessageField, ...] = ()
     answer: tuple[MessageField, ...] = ()
     asked: MessageRequestMethod = MessageRequestMethod.NEVER
-    effect: Effect = Effect.NONE
-    heard: MessageSupport = MessageSupport.NO_REPORT
     shortest: int = 0
 
     def __repr__(self) -> str:
         return f"<{self.command:02X}h {self.name}>"
-
-    @property
-    def direction(self) -> Direction:
-        """Direction of its data; a request without data does not count."""
-        if not self.answer:
-            return Direction.TO_MODULE
-        return Direction.BOTH if self.sent else Direction.FROM_MODULE
 
     @property
     def answer_bytes(self) -> int:
@@ -127,8 +122,6 @@ def _read() -> Iterator[Message]:
             sent,
             answer,
             MessageRequestMethod[row["asked"]],
-            Effect[row["effect"]],
-            MessageSupport[row["heard"]],
             int(row["shortest"] or 0),
         )
 
@@ -146,11 +139,7 @@ def command_name(command: int) -> str:
 
 
 def named(name: str) -> Message:
-    """Return a message by its name in the manual.
-
-    Raises:
-        ArgumentError: no message has this name.
-    """
+    """Return a message by its name in the manual. Raises ArgumentError: no message has this name."""
     if name not in BY_NAME:
         raise ArgumentError(f"CAN Simple has no message {name!r}", remedy=f"there are {', '.join(BY_NAME)}")
     return BY_NAME[name]

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.fields import Number
-from axisbus.drives.gim6010.can_simple.messages import named
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, IDLE, named
 
 # Control mode and input mode (manual v2.2, 4.1.2). Direct control (1) is not among them: real modules ran away in it when
 # set-points paused, and the loss of the master is a pause.
@@ -21,7 +20,6 @@ class Orders:
         self._node = node
 
     def closed_loop(self) -> Outgoing:
-        """Request closed loop."""
         return self._frame("Set_Axis_State", CLOSED_LOOP)
 
     def idle(self) -> Outgoing:
@@ -33,7 +31,6 @@ class Orders:
         return self._frame("Estop")
 
     def clear(self) -> Outgoing:
-        """Clear all errors."""
         return self._frame("Clear_Errors")
 
     def limits(self, velocity: float, current: float) -> Outgoing:
@@ -41,7 +38,6 @@ class Orders:
         return self._frame("Set_Limits", velocity, current)
 
     def mode(self, modes: tuple[int, int]) -> Outgoing:
-        """Set control mode and input mode."""
         return self._frame("Set_Controller_Mode", *modes)
 
     def profile(self, speed: float, up: float, down: float) -> list[Outgoing]:
@@ -53,11 +49,9 @@ class Orders:
         return self._frame("Set_Input_Pos", turns, 0.0, 0.0)
 
     def velocity(self, velocity: float) -> Outgoing:
-        """Send a target velocity."""
         return self._frame("Set_Input_Vel", velocity, 0.0)
 
     def torque(self, torque: float) -> Outgoing:
-        """Send a target torque."""
         return self._frame("Set_Input_Torque", torque)
 
     def brake(self) -> list[Outgoing]:

@@ -8,8 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next, say_note
-from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, run_alone, without_remote
+from axisbus.drives.gim6010.cli.bus import (
+    BusOptions,
+    ask,
+    end_by,
+    line_options,
+    run_alone,
+    without_remote,
+    yes_option,
+)
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     ModbusTarget,
     guard,
@@ -32,12 +39,7 @@ _FLAGS = " ".join(f"{path}=true" for path in _PRE_CALIBRATED)
 @line_options
 @click.option("--node", required=True, type=click.IntRange(0, 63), help="The module's node ID.")
 @yes_option
-def command(
-    what: str,
-    line: BusOptions,
-    node: int,
-    yes: bool,
-) -> int:
+def command(what: str, line: BusOptions, node: int, yes: bool) -> int:
     """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION.
 
     The command explains the calibration, asks for confirmation, monitors the calibration, and assesses the result. It requires

@@ -9,7 +9,7 @@ import click
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, look
+from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, look
 from axisbus.drives.gim6010.cli.modbus.registers import tell_errors
 from axisbus.drives.gim6010.cli.module_selection import modbus_options, on_usb, usb_options
 
@@ -25,14 +25,11 @@ if TYPE_CHECKING:
 @click.option(
     "--ask",
     type=click.Choice(["none", "heard", "all"]),
-    help="The node IDs to ask: none, those that were heard, or all. The default is all, or those heard if there is other traffic.",
+    help="The node IDs to ask: none, those that were heard, or all. The default is all; with other traffic on the bus, only those "
+    "that were heard.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
-def command(
-    line: BusOptions,
-    ask: str | None,
-    as_json: bool,
-) -> int:
+def command(line: BusOptions, ask: str | None, as_json: bool) -> int:
     """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and the next command to type.
 
     It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that
@@ -163,8 +160,7 @@ def errors_command(
 def _errors_over_usb(usb: str, *, as_json: bool) -> int:
     from axisbus.drives.gim6010 import faults
 
-    with on_usb(usb) as module:
-        words = module.error_words()
+    words = on_usb(usb).error_words()
     if as_json:
         say_json(words)
     else:

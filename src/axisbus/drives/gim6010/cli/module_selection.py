@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import string
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import Decorated
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node
+from axisbus.cli.shared.options import Decorated, packed
+from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, require_node
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     PARITIES,
     ModbusTarget,
@@ -44,7 +44,7 @@ def modbus_options(function: Decorated) -> Decorated:
     """Add --modbus and --parity to a command with bus options and --node; ``serial`` gets a ``ModbusTarget`` or None."""
 
     @functools.wraps(function)
-    def packed(modbus: str | None, parity: str | None, **rest: Any) -> Any:
+    def call(modbus: str | None, parity: str | None, **rest: Any) -> Any:
         return function(serial=_target(modbus, parity, rest), **rest)
 
     parity_option = click.option(
@@ -55,7 +55,7 @@ def modbus_options(function: Decorated) -> Decorated:
         metavar="PORT",
         help="Use RS485, by this serial port; -b is then the rate of the port.  [default: 115200]",
     )
-    return port_option(parity_option(packed))
+    return port_option(parity_option(call))
 
 
 def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> ModbusTarget | None:
@@ -74,13 +74,6 @@ def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Modb
     return ModbusTarget(port, given["node"], rate, parity or PARITIES[0])
 
 
-def modbus_words_of(serial: ModbusTarget | None, line: BusOptions, node: int | None) -> str:
-    """Return the connection to the module as typed, to be repeated in a hint."""
-    if serial is None:
-        return f"{line.words} --node {node}"
-    return serial.typed("--modbus", "-b")
-
-
 # -- The options --usb and --serial: reach a module by USB, for commands that otherwise use CAN ------------------------
 
 
@@ -97,7 +90,7 @@ def usb_options(function: Decorated) -> Decorated:
     """
 
     @functools.wraps(function)
-    def packed(usb: bool, serial_number: str | None, **rest: Any) -> Any:
+    def call(usb: bool, serial_number: str | None, **rest: Any) -> Any:
         return function(usb=_wanted(usb, serial_number, rest), **rest)
 
     serial_option = click.option(
@@ -111,7 +104,7 @@ def usb_options(function: Decorated) -> Decorated:
         is_flag=True,
         help="Use the module's USB port; the list of endpoints is read from the module.",
     )
-    return usb_option(serial_option(packed))
+    return usb_option(serial_option(call))
 
 
 def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
@@ -134,20 +127,18 @@ def usb_words_of(usb: str) -> str:
     return "--usb" if usb == ANY else f"--usb --serial {usb}"
 
 
-@contextmanager
-def on_usb(usb: str) -> Iterator[UsbParameters]:
+def on_usb(usb: str) -> UsbParameters:
     """Find a module on USB and read its list; blocks for some seconds.
 
     Raises:
         UserError: the extra ``usb`` is not installed.
         NodeError: the module is not found, or does not list its parameters.
     """
-    from axisbus.drives.gim6010 import odrive_tree
-    from axisbus.drives.gim6010.usb_parameters import UsbParameters
+    from axisbus.drives.gim6010.usb_parameters import UsbParameters, open_tree
 
-    module = UsbParameters(odrive_tree.open_tree(usb or None))
+    module = UsbParameters(open_tree(usb or None))
     module.open()
-    yield module
+    return module
 
 
 # -- The module of a command: its bus, its list of endpoints, and the module itself, opened and verified ----------------
@@ -175,28 +166,16 @@ class ModuleSelection:
         if self.usb is not None:
             return usb_words_of(self.usb)
         listed = "" if self.listed is None else f" --list {self.listed}"
-        return f"{modbus_words_of(self.serial, self.line, self.node)}{listed}"
+        if self.serial is not None:
+            return self.serial.typed("--modbus", "-b") + listed
+        return f"{self.line.words} --node {self.node}{listed}"
 
 
 def module_options(function: Decorated) -> Decorated:
     """Add the bus options, --modbus, --usb, --node, --list and --made-for; the command gets them together as ``asked``."""
-
-    command = function
-
-    @functools.wraps(command)
-    def packed(
-        line: BusOptions,
-        node: int | None,
-        listed: Path | None,
-        made_for: str | None,
-        serial: ModbusTarget | None,
-        usb: str | None,
-        **rest: Any,
-    ) -> Any:
-        return command(asked=ModuleSelection(line, node, listed, made_for, serial, usb), **rest)
-
+    asked = packed(ModuleSelection, "asked")(function)
     node_option = click.option("--node", type=click.IntRange(0, 63), help="The module's node ID.")
-    return line_options(node_option(endpoint_options(modbus_options(usb_options(packed)))))
+    return line_options(node_option(endpoint_options(modbus_options(usb_options(asked)))))
 
 
 @contextmanager
@@ -209,8 +188,7 @@ def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
         AdapterError, NodeError: bus or port cannot be opened, or the module does not answer.
     """
     if asked.usb is not None:
-        with on_usb(asked.usb) as module:
-            yield module
+        yield on_usb(asked.usb)
         return
     listed, made_for = list_of(asked)
     with _by_endpoints(asked) if asked.serial is None else _over_modbus(asked.serial) as listing:
@@ -232,22 +210,18 @@ def _over_can(asked: ModuleSelection, make: Callable[[SimpleLine], _Client]) -> 
         yield client
 
 
-@contextmanager
-def by_message(asked: ModuleSelection) -> Iterator[ModuleByMessage]:
+def by_message(asked: ModuleSelection) -> AbstractContextManager[ModuleByMessage]:
     """Open the module to set it by messages alone, without a list of endpoints; raises as ``opened``."""
     require_can(asked, "it is a message of CAN Simple")
     from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
 
-    with _over_can(asked, ModuleByMessage) as module:
-        yield module
+    return _over_can(asked, ModuleByMessage)
 
 
-@contextmanager
-def _by_endpoints(asked: ModuleSelection) -> Iterator[CanSimpleParameters]:
+def _by_endpoints(asked: ModuleSelection) -> AbstractContextManager[CanSimpleParameters]:
     from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
 
-    with _over_can(asked, CanSimpleParameters) as module:
-        yield module
+    return _over_can(asked, CanSimpleParameters)
 
 
 @contextmanager
@@ -260,11 +234,7 @@ def _over_modbus(serial: ModbusTarget) -> Iterator[ModbusParameters]:
 
 
 def require_can(asked: ModuleSelection, why: str) -> None:
-    """Refuse a connection other than CAN if a command works only over CAN.
-
-    Raises:
-        UsageError: another connection is given.
-    """
+    """Refuse a connection other than CAN if a command works only over CAN. Raises UsageError: another connection is given."""
     if not asked.over_can:
         way = "--modbus" if asked.usb is None else "--usb"
         raise click.UsageError(f"this cannot be done over {way}: {why}")
@@ -282,11 +252,7 @@ def list_of(asked: ModuleSelection) -> tuple[EndpointList, Firmware]:
 
 
 def backup_of(path: Path) -> ParameterBackup:
-    """Return the backup in a file.
-
-    Raises:
-        UserError, ArgumentError: the file cannot be read, or is not a backup.
-    """
+    """Return the backup in a file. Raises UserError, ArgumentError: the file cannot be read, or is not a backup."""
     from axisbus.drives.gim6010.parameters import backup
 
     return backup.read(text_of(path).decode("utf-8", "replace"), path.name)

@@ -10,7 +10,7 @@ import click
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.drives.gim6010.can_simple.protected_parameters import protected
+from axisbus.drives.gim6010.can_simple.endpoints import protected
 from axisbus.drives.gim6010.cli.module_selection import ModuleSelection, backup_of, module_options, opened
 from axisbus.drives.gim6010.cli.settings.common import pair, put, save_option
 from axisbus.drives.gim6010.parameters import backup, rules, values

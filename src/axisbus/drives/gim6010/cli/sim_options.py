@@ -5,21 +5,17 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.plugin_options import SimOption
-from axisbus.drives.gim6010.sim.constants import MOST_NODE_ID
-from axisbus.drives.gim6010.sim.firmware import EXTENDED, FACTORY, Firmware
+from axisbus.drives.gim6010.sim.constants import EXTENDED, FACTORY, MOST_NODE_ID, Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.eds.builtin import PREFIX
 from axisbus.eds.io.reader import load
 from axisbus.wording import counted
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.sim.modbus.station import Station
 
 _EDS = f"{PREFIX}gim6010-8"  # the EDS of such a module after switching it to CANopen
 Wanted = tuple[int, Firmware]
@@ -31,7 +27,6 @@ class CanSimple(click.ParamType):  # type: ignore[type-arg,unused-ignore]
     name = "id[:firmware]"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Wanted:
-        """Convert text to both."""
         node_id, _, firmware = str(value).partition(":")
         try:
             found = int(node_id), Firmware.read(firmware or str(FACTORY))
@@ -56,7 +51,6 @@ def modules(wanted: Sequence[Wanted]) -> list[Module]:
 
 
 def told(wanted: Sequence[Wanted]) -> str:
-    """Return the text about the served modules."""
     each = (
         f"node {node_id} with firmware {firmware}"
         + (", in its 29-bit protocol" if firmware >= EXTENDED else "")
@@ -72,7 +66,6 @@ class Modbus(CanSimple):
     """A node ID from 1 to 63, and a firmware version: 1, 5:0.5.14."""
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Wanted:
-        """Convert text to both."""
         found = super().convert(value, param, ctx)
         if not found[0]:
             self.fail("0 is the broadcast address of Modbus: give a node ID from 1 to 63", param, ctx)
@@ -90,19 +83,14 @@ def on_terminal(wanted: Sequence[Wanted]) -> Iterator[None]:
     twice = [node_id for node_id, number in Counter(node_id for node_id, _ in wanted).items() if number > 1]
     if twice:
         raise click.UsageError(f"--modbus: two modules have node ID {twice[0]}")
+    from axisbus.drives.gim6010.sim.modbus.station import Station
     from axisbus.drives.gim6010.sim.modbus.terminal import served
 
-    with served(*_stations(wanted)) as terminal:
+    with served(*(Station(node_id, firmware=firmware) for node_id, firmware in wanted)) as terminal:
         each = ", ".join(f"node {node_id} with firmware {firmware}" for node_id, firmware in wanted)
         say(f"{counted(len(wanted), 'simulated module')} GIM6010-8 on RS485: {each}; in another terminal:")
         say(f"  axisbus gim6010 modbus state --port {terminal.path} --node {wanted[0][0]}")
         yield
-
-
-def _stations(wanted: Sequence[Wanted]) -> list[Station]:
-    from axisbus.drives.gim6010.sim.modbus.station import Station
-
-    return [Station(node_id, firmware=firmware) for node_id, firmware in wanted]
 
 
 OPTIONS = (

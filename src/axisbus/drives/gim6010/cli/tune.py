@@ -10,8 +10,7 @@ import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import Seconds
-from axisbus.drives.gim6010.cli.confirm import ask, end_by, yes_option
-from axisbus.drives.gim6010.cli.discovery import require_node, run_alone, without_remote
+from axisbus.drives.gim6010.cli.bus import ask, end_by, require_node, run_alone, without_remote, yes_option
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     module_options,
@@ -21,8 +20,7 @@ from axisbus.drives.gim6010.cli.module_selection import (
 )
 
 if TYPE_CHECKING:
-    from axisbus.drives.gim6010.tuning.runner import ModuleTuning
-    from axisbus.drives.gim6010.tuning.trial import Gains, GainSearch, ModuleTrial
+    from axisbus.drives.gim6010.tuning import Gains, GainSearch, ModuleTrial, ModuleTuning
 
 
 _PATHS = {
@@ -85,11 +83,11 @@ def command(
     and measures both. It saves nothing.
 
     It shows overshoot, settling and ripple, and the next step that the manual recommends. With --raise-to it takes these steps,
-    one trial after the other, and asks before each. Given gains are set before, in RAM; with --list the previous gains are
+    one trial after the other, and asks before each. Given gains are first written into RAM; with --list the previous gains are
     shown, and the new ones read back. Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too fast end
     it by velocity 0, idle, then ESTOP. Exit code 0 only if both sides were measured, and with --raise-to if a gain was found.
     """
-    from axisbus.drives.gim6010.tuning.trial import Gains, Loop, ModuleTrial, explanation
+    from axisbus.drives.gim6010.tuning import Gains, Loop, ModuleTrial, explanation
 
     require_can(asked, "the step is commanded and measured over CAN")
     node = require_node(asked.node)
@@ -169,7 +167,7 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
 
 
 def _advise(tuning: ModuleTuning, gains: Gains, now: dict[str, float]) -> None:
-    from axisbus.drives.gim6010.tuning.trial import following, worse
+    from axisbus.drives.gim6010.tuning import following, worse
 
     loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)
     assert found is not None
@@ -191,7 +189,7 @@ def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[
     Raises:
         BusError: another program uses the bus, or it cannot be opened.
     """
-    from axisbus.drives.gim6010.tuning.runner import ModuleTuning
+    from axisbus.drives.gim6010.tuning import ModuleTuning
 
     tuning = ModuleTuning(trial, gains, remote=not without_remote(asked.line))
     return tuning, run_alone(asked.line, tuning)
@@ -217,7 +215,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
         UsageError: the initial gain is not given.
         ArgumentError: it is invalid, or above ``most``.
     """
-    from axisbus.drives.gim6010.tuning.trial import GainSearch
+    from axisbus.drives.gim6010.tuning import GainSearch
 
     first = getattr(gains, trial.loop.value)
     if first is None:
@@ -228,7 +226,7 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
 
 def explained(search: GainSearch) -> Iterator[str]:
     """Yield the explanations of a search that are not part of those of one trial."""
-    from axisbus.drives.gim6010.tuning.trial import MOST_TRIALS
+    from axisbus.drives.gim6010.tuning import MOST_TRIALS
 
     yield (
         f"  this is repeated, at most {MOST_TRIALS} times: {search.name} from {search.first:g} on, 30 % more each "
@@ -245,7 +243,7 @@ def run_search(
     Raises:
         KeyboardInterrupt, SystemExit: there was a signal; the module has been released before.
     """
-    from axisbus.drives.gim6010.tuning.trial import worse
+    from axisbus.drives.gim6010.tuning import worse
 
     while search.next is not None:
         if search.trials and not yes and not click.confirm(f"Continue with {search.name} {search.next:.4g}?"):

@@ -7,19 +7,16 @@ node is foreign: nothing is sent on it. If there is foreign traffic, silent node
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter, deque
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from dataclasses import dataclass, field
-from statistics import median
 
 from axisbus.cia301 import cob
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple import heartbeat
-from axisbus.drives.gim6010.can_simple.coexistence import canopen_identifiers
-from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
-from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id, split
-from axisbus.drives.gim6010.can_simple.states import STATES
+from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats, count_senders
+from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id, canopen_identifiers, split
+from axisbus.drives.gim6010.can_simple.messages import STATES
 from axisbus.drives.gim6010.factory_protocols import (
     Heartbeat29,
     Protocol,
@@ -65,9 +62,8 @@ class BusSnapshot:
     proven: set[int] = field(default_factory=set)  # CAN Simple nodes that answered a request
     answering: set[int] = field(default_factory=set)  # CANopen nodes that answered a request
     _proven: dict[int, Speaker] = field(default_factory=dict)  # a module once recognised stays recognised
-    _anew: dict[int, ProtocolListener] = field(
-        default_factory=dict
-    )  # listeners begun after a module's restart, which interrupts its count
+    # listeners begun after a module's restart, which interrupts its count
+    _anew: dict[int, ProtocolListener] = field(default_factory=dict)
     _raw: dict[int, deque[tuple[float, bytes]]] = field(default_factory=dict)
 
     def note(self, frame: CanFrame) -> None:
@@ -100,13 +96,7 @@ class BusSnapshot:
     @property
     def unproven(self) -> bool:
         """Whether frames look like heartbeats of CAN Simple, so that more of them may prove it."""
-        owned = canopen_identifiers(sorted(self.canopen))
-        return any(
-            node not in self.simple
-            and can_id(node, heartbeat.COMMAND) not in owned
-            and self._look_alike(node)
-            for node in self._raw
-        )
+        return any(node not in self.simple and self._beats_alone(node) for node in self._raw)
 
     @property
     def simple(self) -> set[int]:
@@ -115,7 +105,6 @@ class BusSnapshot:
 
     @property
     def canopen(self) -> set[int]:
-        """All CANopen nodes."""
         return {*self.states, *self.answering}
 
     @property
@@ -137,13 +126,14 @@ class BusSnapshot:
 
     def foreign(self) -> list[UnknownIdentifier]:
         """Return the identifiers that belong to no known node, lowest first."""
-        known = self._known()
+        known = {can_id(node, command) for node in self.simple for command in COMMANDS}
+        known |= canopen_identifiers(sorted(self.canopen)).keys()
         extended = {address for identifier in self.wide.modules for address in addresses(identifier)}
         return sorted(
             (
                 UnknownIdentifier(identifier, wide, count)
                 for (identifier, wide), count in self.heard.items()
-                if (not _of_extended(identifier, extended) if wide else identifier not in known)
+                if (extended.isdisjoint(addresses(identifier)) if wide else identifier not in known)
             ),
             key=lambda each: (each.extended, each.can_id),
         )
@@ -152,16 +142,13 @@ class BusSnapshot:
         """Whether anything was heard on one of these identifiers of 11 bits."""
         return any((each, False) in self.heard for each in identifiers)
 
-    def _known(self) -> set[int]:
-        simple = {can_id(node, command) for node in self.simple for command in COMMANDS}
-        return simple | set(canopen_identifiers(sorted(self.canopen)))
-
     def _beat(self, node: int, frame: CanFrame) -> None:
         before = self.beats.get(node, Heartbeats())
         seen = before.after(node, frame.data)
         if isinstance(seen, Heartbeats):
-            if seen.restarts > before.restarts:
-                self._restarted(node)
+            if seen.restarts > before.restarts:  # store the modules recognised so far, and start a new proof
+                self._proven |= self.speakers
+                self._anew[node] = ProtocolListener()
             self.beats[node] = seen
             self._raw.setdefault(node, deque(maxlen=_KEPT)).append((frame.time, frame.data))
 
@@ -171,74 +158,5 @@ class BusSnapshot:
         return can_id(node, heartbeat.COMMAND) not in owners and self._look_alike(node)
 
     def _look_alike(self, node: int) -> bool:
-        return all(_looks_like_a_beat(node, data) for _, data in self._raw[node])
-
-    def _restarted(self, node: int) -> None:
-        """Store the modules recognised so far, and start a new proof for this node."""
-        self._proven |= self.speakers
-        self._anew[node] = ProtocolListener()
-
-
-def _of_extended(identifier: int, speakers: set[int]) -> bool:
-    """Whether the source or destination of a 29-bit identifier may be one of these modules."""
-    return not speakers.isdisjoint(addresses(identifier))
-
-
-def _looks_like_a_beat(node: int, data: bytes) -> bool:
-    found = heartbeat.read(node, data)
-    return isinstance(found, Heartbeat) and bool(found.layouts) and found.state in STATES
-
-
-# -- Detects several modules with the same node ID by the heartbeats of one identifier ---------------------------------
-#
-# Theory of operation. Two modules with the same node ID send heartbeats with one identifier. If the heartbeats contain a life
-# counter (firmware 0.5.12 and later), the frames are two interleaved counts: each frame is assigned to the count that it
-# continues, or starts a new one. Without a counter there are two heartbeats in each period, so that short and long intervals
-# alternate. Two modules whose heartbeats coincide, or are half a period apart, look like one; they are detected by their two
-# answers to one request.
-
-
-ENOUGH = 4  # frames of a count
-_LOST = 3  # counts from one frame to the next at most, if some were lost
-_LIFE, _ROUND = 7, 256
-_EVEN = 0.1  # share of the period by which heartbeats of one module may be early or late
-_APART = 0.2  # share of the period by which the two intervals must differ
-
-
-def count_senders(beats: Sequence[tuple[float, bytes]]) -> int:
-    """Return the minimum number of modules that sent these heartbeats (time in s, eight bytes each), oldest first."""
-    lives = [data[_LIFE] for _, data in beats]
-    return max(_counting(lives), _paced([time for time, _ in beats]) if len(set(lives)) == 1 else 1)
-
-
-def _counting(lives: Sequence[int]) -> int:
-    """Return the number of simultaneous counts; a count that ends before another begins is a module that restarted."""
-    counts: list[list[int]] = []  # indices into ``lives``
-    for place, life in enumerate(lives):
-        steps = [((life - lives[each[-1]]) % _ROUND, -each[-1], each) for each in counts]
-        fitting = [each for each in steps if 1 <= each[0] <= _LOST]
-        if fitting:  # the count with the fewest lost frames, then the most recent one
-            min(fitting)[2].append(place)
-        else:
-            counts.append([place])
-    spans = [(each[0], each[-1]) for each in counts if len(each) >= ENOUGH]
-    return (
-        max((sum(first <= place < last for first, last in spans) for place in range(len(lives))), default=1)
-        or 1
-    )
-
-
-def _paced(times: Sequence[float]) -> int:
-    """Return 2 if short and long intervals alternate regularly; otherwise 1, also if one module is sometimes late."""
-    steps = [after - before for before, after in itertools.pairwise(times)]
-    if len(steps) < 2 * ENOUGH:
-        return 1
-    turns = steps[::2], steps[1::2]
-    usual = [median(each) for each in turns]
-    period = sum(usual)
-    even = all(
-        abs(step - length) <= _EVEN * period
-        for each, length in zip(turns, usual, strict=True)
-        for step in each
-    )
-    return 2 if even and abs(usual[0] - usual[1]) > _APART * period else 1
+        found = [heartbeat.read(node, data) for _, data in self._raw[node]]
+        return all(isinstance(each, Heartbeat) and each.layouts and each.state in STATES for each in found)

@@ -98,13 +98,11 @@ class Finder:
     _free: float = 0.0  # earliest time of the next request
     _plan: Iterator[_Asked] | None = None
     _current: _Asked | None = None
-    _counting: tuple[ProbeFrame, tuple[str, int], int] | None = (
-        None  # the last question, its node, the number of answers
-    )
+    # the last question, its node, the number of answers
+    _counting: tuple[ProbeFrame, tuple[str, int], int] | None = None
     _expected: set[int] = field(default_factory=set)  # identifiers of answers to requests sent
-    _late: set[tuple[str, int]] = field(
-        default_factory=set
-    )  # nodes that missed a question: a late answer may belong to it
+    # nodes that missed a question: a late answer may belong to it
+    _late: set[tuple[str, int]] = field(default_factory=set)
     _unasked: set[int] = field(default_factory=set)  # identifiers received without a request
 
     def note(self, frame: CanFrame) -> None:
@@ -160,7 +158,8 @@ class Finder:
         if self.asked is ProbeScope.ALL:
             found: list[int] = []
             yield from self._silent_ones((*NODES, *_TWICE), found, brief=True)
-            yield from self._silent_ones((node for node in NODES if self._is_late(node)), found)
+            late = (node for node in NODES if self.picture.used([can_id(node, questions.VOLTAGE.command)]))
+            yield from self._silent_ones(late, found)
             yield from self._modules(found)
         yield from self._nodes(sorted(self.picture.states))
         if self.asked is ProbeScope.ALL:
@@ -174,16 +173,15 @@ class Finder:
             if node in self.only and node not in self.picture.simple and self._is_free(node):
                 yield self._silent(node, found, brief=brief)
 
-    def _is_late(self, node: int) -> bool:
-        return self.picture.used([can_id(node, questions.VOLTAGE.command)])
-
     def _modules(self, nodes: Collection[int]) -> Iterator[_Asked]:
         for node in nodes:
             if node in self.only and self._unclaimed(node):
                 facts = self.simple.setdefault(node, SimpleFacts())
+                # if error words also arrive unasked, answers cannot be distinguished from them
+                words = self.words and can_id(node, 0x03) not in self._unasked
                 yield _Asked(
                     ("CAN Simple", node),
-                    questions.simple(node, facts, words=self._may_ask_words(node), remote=self.remote),
+                    questions.simple(node, facts, words=words, remote=self.remote),
                 )
 
     def _silent(self, node: int, found: list[int], *, brief: bool) -> _Asked:
@@ -241,10 +239,6 @@ class Finder:
             self._leave_out("another device sent frames on their SDO, CANopen", node)
             return False
         return True
-
-    def _may_ask_words(self, node: int) -> bool:
-        """Whether error words may be requested: if they also arrive unasked, answers cannot be distinguished from them."""
-        return self.words and can_id(node, 0x03) not in self._unasked
 
     def _leave_out(self, why: str, node: int) -> None:
         nodes = self.left_out.setdefault(why, [])

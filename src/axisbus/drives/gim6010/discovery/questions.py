@@ -83,11 +83,6 @@ class CanopenFacts:
 Asking = Generator[ProbeFrame, CanFrame | None, None]
 
 
-def voltage_question(node: int, *, remote: bool = True) -> ProbeFrame:
-    """Return the request for supply voltage and current: a remote frame commands nothing, whichever node receives it."""
-    return ProbeFrame(codec.request(node, VOLTAGE, remote=remote), (can_id(node, VOLTAGE.command),))
-
-
 def speaks(node: int, facts: SimpleFacts) -> Generator[ProbeFrame, CanFrame | None, bool]:
     """Find out whether a module uses a silent CAN Simple node ID: it must answer two different messages correctly."""
     yield from _voltage(node, facts, (True,))
@@ -121,9 +116,13 @@ def simple(node: int, facts: SimpleFacts, *, words: bool = True, remote: bool = 
 
 
 def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
-    """Request the voltage by a remote frame (True) or a data frame (False), in this order, until the module answers."""
+    """Request the voltage by a remote frame (True) or a data frame (False), in this order, until the module answers.
+
+    A remote frame commands nothing, whichever node receives it.
+    """
     for remote in ways:
-        answer = yield voltage_question(node, remote=remote)
+        frame = codec.request(node, VOLTAGE, remote=remote)
+        answer = yield ProbeFrame(frame, (can_id(node, VOLTAGE.command),))
         values = _values(node, answer, facts)
         if values:
             facts.voltage, facts.current = float(values["Bus_Voltage"]), float(values["Bus_Current"])

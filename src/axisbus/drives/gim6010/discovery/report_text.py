@@ -15,7 +15,6 @@ _SHOWN = 12  # foreign identifiers in the list
 
 
 def lines(finding: DiscoveredModule) -> Iterator[str]:
-    """Yield the known facts of one module."""
     where = " or ".join(map(str, finding.addresses))
     many = ", several modules" if finding.several else ""
     yield f"node {where}: {finding.protocol.value}{many}" + (f", {finding.device}" if finding.device else "")
@@ -125,7 +124,6 @@ _LONGEST = {"motor": 64}  # bits; the others have 32
 
 
 def error_lines(finding: DiscoveredModule) -> Iterator[str]:
-    """Yield the errors of one module, as lines of text."""
     where = " or ".join(map(str, finding.addresses))
     yield f"node {where}: {finding.protocol.value}"
     if finding.protocol is ProtocolsFound.CAN_SIMPLE:

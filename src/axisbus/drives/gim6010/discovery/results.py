@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from enum import Enum
 from typing import Any
 
@@ -12,7 +12,7 @@ from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.state import PowerState, decode
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.heartbeat import ALL, HeartbeatLayout, Heartbeats
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.discovery import questions
 from axisbus.drives.gim6010.discovery.finder import Finder
 from axisbus.drives.gim6010.discovery.questions import CanopenFacts, SimpleFacts
@@ -22,6 +22,9 @@ _SEVERAL = (
     "several modules have this node ID: the values may be from any of them; connect them one by one and give each "
     "its own"
 )
+
+
+_JSON_NAMES = {"node": "node_id", "ours": "gim6010", "words": "error_words"}
 
 
 class ProtocolsFound(Enum):
@@ -60,24 +63,11 @@ class DiscoveredModule:
 
     @property
     def plain(self) -> dict[str, Any]:
-        """The same as plain values, for JSON."""
-        return {
+        named = {_JSON_NAMES.get(each.name, each.name): getattr(self, each.name) for each in fields(self)}
+        return named | {
             "protocol": self.protocol.value,
-            "node_id": self.node,
-            "addresses": list(self.addresses),
-            "several": self.several,
-            "gim6010": self.ours,
-            "device": self.device,
-            "heartbeat": self.heartbeat,
             "firmware": self.firmware or None,
-            "serial": self.serial,
-            "state": self.state,
-            "enabled": self.enabled,
-            "voltage": self.voltage,
             "error_words": dict(self.words),
-            "errors": list(self.errors),
-            "endpoints": self.endpoints,
-            "notes": list(self.notes),
         }
 
 
@@ -192,7 +182,7 @@ def _canopen(finder: Finder, node: int) -> DiscoveredModule:
         state=None if state is None else state.value,
         enabled=None if state is None else state in _POWERED,
         voltage=None if questions.SUPPLY not in facts.objects else facts.objects[questions.SUPPLY] / 1000,
-        words=tuple(_object_words(facts)),
+        words=tuple((name, facts.objects[key]) for key, name in _NAMES.items() if key in facts.objects),
         errors=tuple(_canopen_errors(facts)),
         notes=tuple(_canopen_notes(finder, node, facts)),
     )
@@ -207,10 +197,6 @@ _NAMES = {
     faults.ERROR_BITS_LOW: "203Fh",
     faults.ERROR_BITS_HIGH: "203Eh",
 }
-
-
-def _object_words(facts: CanopenFacts) -> list[tuple[str, int]]:
-    return [(name, facts.objects[key]) for key, name in _NAMES.items() if key in facts.objects]
 
 
 def _canopen_errors(facts: CanopenFacts) -> list[str]:

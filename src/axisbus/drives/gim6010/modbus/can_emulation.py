@@ -25,8 +25,11 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from enum import Enum
 from itertools import cycle
 
+from axisbus.drives.gim6010.calibration import CalibrationKind
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, MessageRequest, decode, pack_places
 from axisbus.drives.gim6010.can_simple.endpoint_messages import RX_SDO
 from axisbus.drives.gim6010.can_simple.endpoints import (
@@ -39,22 +42,95 @@ from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR, ErrorType
 from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND
 from axisbus.drives.gim6010.can_simple.identifier import can_id
-from axisbus.drives.gim6010.can_simple.messages import HEARTBEAT_FIELDS, Message
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, HEARTBEAT_FIELDS, IDLE, Message
 from axisbus.drives.gim6010.can_simple.messages import named as message_named
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE
 from axisbus.drives.gim6010.modbus import requests
-from axisbus.drives.gim6010.modbus.can_emulation_commands import (
-    BRAKE,
-    RegisterCommand,
-    RegisterCommandKind,
-    Writes,
-    order,
-)
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, named
 from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Wire
 from axisbus.errors import AxisbusError, DriveError, NodeError, NodeTimeout, UncommandedMotion
+
+# -- Translates each CAN Simple command for a serial line: registers and values, in the order of writing ----------------
+
+
+Writes = tuple[tuple[str, Number], ...]
+# In this order, each write alone brakes or changes nothing; a torque set-point may be added to the output of the velocity loop.
+BRAKE: Writes = (("velocity_setpoint", 0.0), ("control_mode", 2), ("input_mode", 2), ("torque_setpoint", 0.0))
+_BRAKED = (2, 2)  # velocity control by ramp
+# Each field of a message with its register; feed-forward values have none, and must be 0.
+_VALUES: Mapping[str, tuple[tuple[str, str], ...]] = {
+    "Set_Limits": (("velocity_limit", "Velocity_Limit"), ("current_limit", "Current_Limit")),
+    "Set_Traj_Vel_Limit": (("trajectory_velocity", "Traj_Vel_Limit"),),
+    "Set_Traj_Accel_Limits": (
+        ("trajectory_acceleration", "Traj_Accel_Limit"),
+        ("trajectory_deceleration", "Traj_Decel_Limit"),
+    ),
+    "Set_Input_Pos": (("position_setpoint", "Input_Pos"),),
+    "Set_Input_Vel": (("velocity_setpoint", "Input_Vel"),),
+    "Set_Input_Torque": (("torque_setpoint", "Input_Torque"),),
+}
+_STREAMED = ("Set_Input_Vel", "Set_Input_Torque")  # sent in every cycle of a ramp
+_FED_FORWARD = ("Vel_FF", "Torque_FF")
+_ACT_REGISTERS = {"Estop": "emergency_stop", "Clear_Errors": "clear_errors"}
+_CALIBRATIONS = frozenset(kind.value for kind in CalibrationKind)
+
+
+class RegisterCommandKind(Enum):
+    """Execution of a command; stops come before all others, and cancel waiting commands."""
+
+    STOP = "written at once, whether it is answered or not"
+    MODES = "written in idle only, and read back"
+    VALUES = "written and read back"
+    SETPOINT = "as a value, in turn with the readings; a newer one replaces it"
+    ACT = "written once more if no answer came"
+    POWER = "written once, in idle only, after its modes were read back"
+    CALIBRATION = "written once, in idle only"
+
+
+@dataclass(frozen=True, slots=True)
+class RegisterCommand:
+    """One command: its registers with their values."""
+
+    kind: RegisterCommandKind
+    writes: Writes
+
+
+def order(told: DecodedMessage, *, calibrates: bool = False) -> RegisterCommand | None:
+    """Return the register command for a message to a module; None if the relay does not support the message.
+
+    ``calibrates``: calibrations are supported too, which may turn the motor.
+    """
+    name, values = told.message.name, told.values
+    if name == "Set_Controller_Mode":
+        return _modes(int(values["Control_Mode"]), int(values["Input_Mode"]))
+    if name == "Set_Axis_State":
+        return _state(int(values["Axis_Requested_State"]), calibrates)
+    if name in _ACT_REGISTERS:
+        kind = RegisterCommandKind.STOP if name == "Estop" else RegisterCommandKind.ACT
+        return RegisterCommand(kind, ((_ACT_REGISTERS[name], 1),))
+    if name not in _VALUES or any(values.get(each) for each in _FED_FORWARD):
+        return None
+    kind = RegisterCommandKind.SETPOINT if name in _STREAMED else RegisterCommandKind.VALUES
+    return RegisterCommand(kind, tuple((register, values[field]) for register, field in _VALUES[name]))
+
+
+def _modes(control: int, inputs: int) -> RegisterCommand:
+    if (control, inputs) == _BRAKED:
+        return RegisterCommand(RegisterCommandKind.STOP, BRAKE)
+    return RegisterCommand(RegisterCommandKind.MODES, (("control_mode", control), ("input_mode", inputs)))
+
+
+def _state(state: int, calibrates: bool) -> RegisterCommand | None:
+    """Return the command for idle, closed loop or a supported calibration; None for all other states, which may move it."""
+    kinds = {IDLE: RegisterCommandKind.STOP, CLOSED_LOOP: RegisterCommandKind.POWER}
+    if calibrates:
+        kinds |= dict.fromkeys(_CALIBRATIONS, RegisterCommandKind.CALIBRATION)
+    return RegisterCommand(kinds[state], (("state_control", state),)) if state in kinds else None
+
+
+# -- What the emulation needs to know of the registers, and its limits -------------------------------------------------
+
 
 COUNT = "axis0.encoder.count_in_cpr"
 _VOLTAGE = message_named("Get_Bus_Voltage_Current")
@@ -96,14 +172,8 @@ def heartbeat(node: int, state: int, flags: int, axis_error: int, life: int) -> 
 
 
 def message(node: int, name: str, values: Mapping[str, Number]) -> Told:
-    """Return a module's message with all of its fields."""
     found = message_named(name)
     return can_id(node, found.command), pack_places(each.place(values[each.name]) for each in found.answer)
-
-
-def error_word(node: int, word: int) -> Told:
-    """Return the answer to Get_Error."""
-    return can_id(node, message_named("Get_Error").command), word.to_bytes(8, "little")
 
 
 # -- module ------------------------------------------------------------------------------------------------------------
@@ -146,7 +216,6 @@ class RelayedModule:
     # Messages to the module.
 
     def hear(self, told: DecodedMessage | MessageRequest) -> None:
-        """Take a message addressed to the module."""
         question = self._question(told)
         if question is not None:
             if len(self._questions) < _MOST:
@@ -188,7 +257,6 @@ class RelayedModule:
 
     @property
     def has_orders(self) -> bool:
-        """Whether a command waits to be carried out."""
         return bool(self._orders)
 
     @property
@@ -311,7 +379,8 @@ class RelayedModule:
     def _answer_error(self, which: int) -> Told | None:
         if which not in list(ErrorType):
             return None
-        return error_word(self.node, int(self._module.read(_WORDS[ErrorType(which).category])))
+        word = int(self._module.read(_WORDS[ErrorType(which).category]))
+        return can_id(self.node, GET_ERROR.command), word.to_bytes(8, "little")
 
     def _answer_endpoint(self, found: Message, told: DecodedMessage) -> Told | None:
         """Read an endpoint. Never write one by its number; read no endpoint of a list that is not verified."""
@@ -459,7 +528,6 @@ class Relay:
 
     @property
     def is_idle(self) -> bool:
-        """Whether every command was carried out."""
         return not self._came and not any(each.has_orders for each in self._modules.values())
 
     def _sort(self) -> None:

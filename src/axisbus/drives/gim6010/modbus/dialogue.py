@@ -48,11 +48,7 @@ class ModbusClient:
     """Sends requests to one device on a wire; knows whether a late answer may still arrive. Use it from one thread only."""
 
     def __init__(self, wire: Wire, device: int) -> None:
-        """``device`` 1 to 247.
-
-        Raises:
-            ArgumentError: the address is invalid; 0 is broadcast, which no device answers.
-        """
+        """``device`` 1 to 247. Raises ArgumentError: the address is invalid; 0 is broadcast, which no device answers."""
         if not 1 <= device <= HIGHEST_DEVICE:
             raise ArgumentError(
                 f"{device} is not an address of a module on Modbus",
@@ -103,7 +99,6 @@ class ModbusClient:
         return fits(request, reply) and not reply.exception
 
     def silent(self, request: ModbusRequest, tries: int = 1) -> NodeTimeout:
-        """Return the error for a request without an answer."""
         return NodeTimeout(
             f"module {self.device} does not answer for {request.register.name}",
             node=self.device,

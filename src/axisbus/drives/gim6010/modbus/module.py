@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.can_simple.fields import Number
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, IDLE, state_words
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, IDLE, state_words
 from axisbus.drives.gim6010.make import RESTART_BEGINS, RESTART_TIME
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import TRIES, ModbusClient
@@ -39,7 +39,6 @@ class ErrorWords:
 
     @property
     def any(self) -> bool:
-        """Whether there is an error."""
         return bool(self.flags or any(self.words.values()))
 
     @property
@@ -57,11 +56,7 @@ class ErrorWords:
 
 
 def require_setting(register: Register) -> None:
-    """Check that a register is a setting or a mode, which are written by name.
-
-    Raises:
-        ArgumentError: the register is of another kind.
-    """
+    """Check that a register is a setting or a mode, which are written by name. Raises ArgumentError: it is not."""
     if register.kind not in _SETTINGS:
         raise ArgumentError(
             f"{register.name} is not written by name: it {register.kind.value}",
@@ -73,21 +68,15 @@ class ModbusModule:
     """Reads and writes one module. Use it from one thread only; every method blocks until the answer arrives."""
 
     def __init__(self, wire: Wire, device: int) -> None:
-        """``device``: its node ID, 1 to 247. Sends nothing.
-
-        Raises:
-            ArgumentError: the node ID is invalid.
-        """
+        """``device``: its node ID, 1 to 247. Sends nothing. Raises ArgumentError: the node ID is invalid."""
         self.dialogue = ModbusClient(wire, device)
 
     @property
     def device(self) -> int:
-        """The node ID to which requests are sent."""
         return self.dialogue.device
 
     @property
     def wire(self) -> Wire:
-        """The line of the module."""
         return self.dialogue.wire
 
     def read(self, name: str, tries: int = TRIES) -> Number:
@@ -148,7 +137,6 @@ class ModbusModule:
 
     @property
     def stop_remedy(self) -> str:
-        """The remedy if it is not idle."""
         return f"stop it first: axisbus gim6010 modbus stop --node {self.device} ..."
 
     def require_idle(self, what: str) -> None:
@@ -226,11 +214,7 @@ class ModbusModule:
         self.wait_back()
 
     def wait_back(self) -> None:
-        """Wait until it answers; blocks for at most about 25 s.
-
-        Raises:
-            NodeTimeout: it does not.
-        """
+        """Wait until it answers; blocks for at most about 25 s. Raises NodeTimeout: it does not."""
         end = self.wire.now() + RESTART_TIME
         while not self.answers():
             if self.wire.now() > end:
@@ -344,10 +328,7 @@ class Present:
 def present(wire: Wire, devices: Iterable[int]) -> Iterator[Present | int]:
     """Send a request to each of ``devices`` (1 to 247); yield the modules found, and the number of each that does not answer.
 
-    Blocks for the wire's ``timeout`` for each that does not answer.
-
-    Raises:
-        AdapterError: the line is gone.
+    Blocks for the wire's ``timeout`` for each that does not answer. Raises AdapterError: the line is gone.
     """
     for device in devices:
         module = ModbusModule(wire, device)

@@ -54,7 +54,6 @@ class ModbusParameters(ParametersByNumber):
 
     @property
     def node(self) -> int:
-        """The node ID to which requests are sent."""
         return self.module.device
 
     @property
@@ -66,7 +65,6 @@ class ModbusParameters(ParametersByNumber):
         return self.module.state
 
     def save_and_leave(self) -> None:
-        """As ``ModuleParameters.save_and_leave``."""
         self.module.save_and_leave()
 
     def _clear(self) -> None:
@@ -96,11 +94,7 @@ class ModbusParameters(ParametersByNumber):
         return int(self.module.read(_RETURN.name)).to_bytes(_BYTES, "little")
 
     def _select(self, number: int) -> None:
-        """Select the endpoint for 31h and A2h.
-
-        Raises:
-            NodeError: it is not certain that it was selected.
-        """
+        """Select the endpoint for 31h and A2h. Raises NodeError: it is not certain that it was selected."""
         request = requests.write(_NUMBER, number)
         for _ in range(_TRIES):
             taken = self.module.dialogue.write(request)

@@ -62,12 +62,10 @@ class Register:
 
     @property
     def name(self) -> str:
-        """Name for reading and writing it."""
         return self.field.name
 
     @property
     def count(self) -> int:
-        """Number of registers."""
         return self.field.type.bits // _BITS
 
     @property
@@ -132,11 +130,7 @@ OTHER_FLAGS = 0xFFE0  # reserved bits, and the upper byte that is always 0
 
 
 def named(name: str) -> Register:
-    """Return a register by its name.
-
-    Raises:
-        ArgumentError: no register has this name.
-    """
+    """Return a register by its name. Raises ArgumentError: no register has this name."""
     if name not in BY_NAME:
         raise ArgumentError(f"Modbus has no register {name!r}", remedy=f"there are {', '.join(BY_NAME)}")
     return BY_NAME[name]

@@ -63,12 +63,10 @@ class ModbusRequest:
 
     @property
     def writes(self) -> bool:
-        """Whether it is a write."""
         return self.function in (ModbusFunction.WRITE_ONE, ModbusFunction.WRITE_SEVERAL)
 
     @property
     def register(self) -> Register:
-        """The register of the request."""
         return BY_PLACE[self._bank, self.address]
 
     @property
@@ -107,7 +105,6 @@ class Reply:
 
 
 def read(register: Register) -> ModbusRequest:
-    """Return the request that reads a register."""
     return ModbusRequest(ModbusFunction(register.bank.value), register.address, register.count)
 
 

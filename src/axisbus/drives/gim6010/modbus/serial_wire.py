@@ -47,7 +47,6 @@ class SerialWire:
             raise _unusable(port, "pymodbus could not open it")
 
     def exchange(self, device: int, request: ModbusRequest) -> Reply:
-        """Send a request and return its reply; see ``Wire.exchange``."""
         try:
             return _reply(self._call(device, request))
         except self._failures.ConnectionException as error:
@@ -60,22 +59,18 @@ class SerialWire:
             raise _unusable(self.port, str(error)) from error
 
     def drain(self, seconds: float) -> None:
-        """Discard received data; see ``Wire.drain``."""
         time.sleep(seconds)
         with suppress(Exception):  # if the port is gone, the next exchange raises
             if self._client.socket is not None:
                 self._client.socket.reset_input_buffer()
 
     def now(self) -> float:
-        """Return the monotonic time in s."""
         return time.monotonic()
 
     def sleep(self, seconds: float) -> None:
-        """Wait for ``seconds``."""
         time.sleep(seconds)
 
     def close(self) -> None:
-        """Close the port."""
         self._client.close()
 
     def _call(self, device: int, request: ModbusRequest) -> Any:
@@ -111,11 +106,7 @@ class _Pymodbus:
 
 
 def libraries() -> tuple[Any, _Pymodbus]:
-    """Return pyserial, and the parts of pymodbus that are used.
-
-    Raises:
-        UserError: one of them is not installed.
-    """
+    """Return pyserial, and the parts of pymodbus that are used. Raises UserError: one of them is not installed."""
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # errors are raised, not logged
     try:
         import serial

@@ -6,8 +6,7 @@ import json
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware
-from axisbus.drives.gim6010.can_simple.protected_parameters import protected
+from axisbus.drives.gim6010.can_simple.endpoints import Endpoint, Firmware, protected
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.parameters.values import Value
@@ -29,11 +28,9 @@ class ParameterBackup:
 
     @property
     def name(self) -> str:
-        """Name of its file, with serial number and firmware."""
         return f"gim6010-{self.serial:08X}-{self.firmware}.json"
 
     def text(self) -> str:
-        """Return it as JSON."""
         document = {
             "kind": _KIND,
             "version": _VERSION,
@@ -45,11 +42,7 @@ class ParameterBackup:
 
 
 def read(text: str, source: str) -> ParameterBackup:
-    """Parse a backup; messages name ``source`` (its file).
-
-    Raises:
-        ArgumentError: it is not a backup, or of another version.
-    """
+    """Parse a backup; messages name ``source`` (its file). Raises ArgumentError: it is not a backup, or of another version."""
     what = "a backup of a GIM6010-8"
     found = read_document(
         text, source, kind=_KIND, version=_VERSION, what=what, remedy=_REMEDY, key="version"
@@ -107,11 +100,7 @@ class RestorePlan:
 def require_same(
     backup: ParameterBackup, module: ModuleParameters, *, other_module: bool, other_firmware: bool
 ) -> None:
-    """Check that a backup is of this module and its firmware.
-
-    Raises:
-        StateError: it is not, and the user has not allowed that.
-    """
+    """Check that a backup is of this module and its firmware. Raises StateError: it is not, and the user has not allowed that."""
     if backup.serial != module.serial and not other_module:
         raise StateError(
             f"{backup.source} is of the module {backup.serial:08X}h, and this one is {module.serial:08X}h",

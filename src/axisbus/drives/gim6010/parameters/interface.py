@@ -16,7 +16,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
     FittedList,
     found_in,
 )
-from axisbus.drives.gim6010.can_simple.states import IDLE, state_words
+from axisbus.drives.gim6010.can_simple.messages import IDLE, state_words
 from axisbus.drives.gim6010.parameters import rules, values
 from axisbus.drives.gim6010.parameters.values import Value
 from axisbus.errors import NodeError, StateError
@@ -187,7 +187,6 @@ class ParametersByNumber(ModuleParameters):
 
     @property
     def listed(self) -> EndpointList:
-        """The parameters of its firmware."""
         return self._list.listed
 
     @property

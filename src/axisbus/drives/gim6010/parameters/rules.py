@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint
-from axisbus.drives.gim6010.can_simple.protected_parameters import protected
+from axisbus.drives.gim6010.can_simple.endpoints import FORMATS, Endpoint, protected
 from axisbus.errors import ArgumentError, NodeError
 
 NODE_ID = "axis0.config.can.node_id"
@@ -49,15 +48,14 @@ def require_writable(path: str, *, by_name: bool) -> None:
             remedy="axisbus gim6010 set-id changes it, and looks for another module of that ID first",
         )
     if not by_name:
-        raise ArgumentError(f"{path} is protected: {found.why}", remedy="name it explicitly if you mean it")
+        raise ArgumentError(
+            f"{path} is protected: {found.why}",
+            remedy="to write it all the same, name exactly this parameter",
+        )
 
 
 def require_setting(endpoint: Endpoint, *, by_name: bool) -> None:
-    """Check that a parameter can be written and read back here.
-
-    Raises:
-        ArgumentError: it cannot, or as ``require_writable``.
-    """
+    """Check that a parameter can be written and read back here. Raises ArgumentError: it cannot, or as ``require_writable``."""
     require_writable(endpoint.path, by_name=by_name)
     if not endpoint.writable:
         raise ArgumentError(f"{endpoint.path} cannot be written", remedy="it is read-only")

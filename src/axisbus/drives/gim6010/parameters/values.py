@@ -62,11 +62,7 @@ def plain(value: Value) -> Value | str:
 
 
 def of_plain(path: str, value: object, source: str) -> Value:
-    """Return a value from JSON.
-
-    Raises:
-        ArgumentError: it is not a parameter's value.
-    """
+    """Return a value from JSON. Raises ArgumentError: it is not a parameter's value."""
     if isinstance(value, bool | int | float):
         return value
     if isinstance(value, str) and value in _WILD:

@@ -245,17 +245,13 @@ def brake_resistor(ohms: float, current: float | None, ramp: tuple[float, float]
             )
 
     found += [(_RAMP_START, start), (_RAMP_END, end), (_RAMP, True), (_RESISTOR, True)]
-    return ParameterBatch(tuple(found), (bears(ohms, end),), require_below_trip)
+    bears = f"at {end:g} V it takes {end / ohms:.3g} A and {end * end / ohms:.3g} W: make sure that it can dissipate this"
+    return ParameterBatch(tuple(found), (bears,), require_below_trip)
 
 
 def no_brake_resistor() -> ParameterBatch:
     """Return the parameters that switch it off, and with it the ramp of its current."""
     return ParameterBatch(((_RESISTOR, False), (_RAMP, False)), (_OFF,))
-
-
-def bears(ohms: float, volts: float) -> str:
-    """Return a text with current and power of a resistor at the supply's voltage."""
-    return f"at {volts:g} V it takes {volts / ohms:.3g} A and {volts * volts / ohms:.3g} W: make sure that it can dissipate this"
 
 
 def _require(what: str, value: float, *, above: bool) -> None:
@@ -275,11 +271,7 @@ _UNNAMED = "the manual names only 500000 and 1000000 bit/s: if the module reject
 
 
 def bit_rate(rate: int) -> ParameterBatch:
-    """Return the parameters that set a bit rate (bit/s).
-
-    Raises:
-        ArgumentError: the bit rate is not in ``RATES``.
-    """
+    """Return the parameters that set a bit rate (bit/s). Raises ArgumentError: the bit rate is not in ``RATES``."""
     if rate not in RATES:
         raise ArgumentError(f"{rate} bit/s cannot be set", remedy=f"give one of {', '.join(map(str, RATES))}")
     return ParameterBatch(((BIT_RATE, rate),), () if rate in RATES[2:] else (_UNNAMED,))

@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import Enum
 from typing import NamedTuple
 
+from axisbus.cia301.tables import rows
 from axisbus.drives.gim6010.make import GEAR_RATIO
 from axisbus.drives.gim6010.settings.parameter_settings import usb_steps
 from axisbus.errors import ArgumentError, LimitError
@@ -24,7 +24,9 @@ _INTERFACE = 3  # config.comm_intf_mux
 _PIN = 1
 
 
-class _Follows(NamedTuple):
+class Follows(NamedTuple):
+    """A value that can follow the pulses, by the manual's mode for it."""
+
     control_mode: int
     input_mode: int
     what: str
@@ -34,38 +36,18 @@ class _Follows(NamedTuple):
     note: str
 
 
-class Follows(Enum):
-    """The value that follows the pulses, each by the manual's mode for it."""
-
-    POSITION = _Follows(
-        3,
-        5,
-        "pos",
-        "turns",
-        "turns of the output",
-        1.0 / GEAR_RATIO,
-        "when it is enabled, it moves at once to the position that the present pulse gives, by its trapezoid",
+FOLLOWS = {
+    row["name"]: Follows(
+        int(row["control_mode"]),
+        int(row["input_mode"]),
+        row["what"],
+        row["unit"],
+        row["out"],
+        float(GEAR_RATIO) ** int(row["gear"]),
+        row["note"],
     )
-    VELOCITY = _Follows(
-        2,
-        2,
-        "vel",
-        "turns/s",
-        "turns/s of the output",
-        1.0 / GEAR_RATIO,
-        "when it is enabled, it turns at the velocity that the present pulse gives, by its ramp",
-    )
-    TORQUE = _Follows(
-        1,
-        6,
-        "torque",
-        "N·m",
-        "N·m at the output, without friction",
-        GEAR_RATIO,
-        "when it is enabled, it applies the torque that the present pulse gives; without a load it reaches its highest speed",
-    )
-
-
+    for row in rows(__package__, "pulse_inputs.tsv")
+}
 _LOST = (
     "the manual does not describe a failure of the pulses: have an emergency stop, and try it without a load"
 )
@@ -112,7 +94,7 @@ class PulseMapping:
     @property
     def table(self) -> Iterator[str]:
         """The mapping as lines, at widths distributed over its range."""
-        kind = self.follows.value
+        kind = self.follows
         for number in range(_SHOWN):
             width = SHORTEST + number * (LONGEST - SHORTEST) / (_SHOWN - 1)
             value = self.at(width)
@@ -120,14 +102,13 @@ class PulseMapping:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks for the user."""
         never = () if self.zero is not None else ("no pulse means 0: a pulse never means standstill",)
-        return (self.follows.value.note, *never, _LOST, _WIRE)
+        return (self.follows.note, *never, _LOST, _WIRE)
 
     @property
     def steps(self) -> tuple[str, ...]:
         """The steps over USB; the interface comes last, since afterwards the module cannot be reached over CAN."""
-        kind, mapping = self.follows.value, f"odrv0.config.gpio{_PIN}_pwm_mapping"
+        kind, mapping = self.follows, f"odrv0.config.gpio{_PIN}_pwm_mapping"
         return usb_steps(
             f"odrv0.axis0.controller.config.control_mode = {kind.control_mode}",
             f"odrv0.axis0.controller.config.input_mode = {kind.input_mode}",
@@ -180,7 +161,6 @@ class Pulses:
 
     @property
     def in_all(self) -> int:
-        """Number of pulses in the whole range."""
         return self.per_turn * self.turns
 
     @property
@@ -196,7 +176,6 @@ class Pulses:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Remarks for the user."""
         whole = math.isclose(self.turns % GEAR_RATIO, 0.0)
         odd = (
             f"after {counted(self.turns, 'turn')} of the rotor the output is not at its start position, at {GEAR_RATIO}:1",

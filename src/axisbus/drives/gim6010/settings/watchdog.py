@@ -59,7 +59,6 @@ def wanted(broken: float | None, axis: float | None) -> ParameterBatch:
 
 
 def off() -> ParameterBatch:
-    """Return the parameters that switch both off."""
     return ParameterBatch(((BREAK, 0), (ENABLED, False)), (_OFF,))
 
 

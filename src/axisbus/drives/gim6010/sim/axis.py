@@ -12,16 +12,17 @@ from __future__ import annotations
 import math
 
 from axisbus.drives.gim6010.sim.constants import (
+    MIT_RANGES,
     AxisError,
     AxisState,
     ControllerError,
     EncoderError,
+    Firmware,
     MotorError,
     SystemWord,
 )
 from axisbus.drives.gim6010.sim.controller import Controller
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import MIT_RANGES, Firmware
 from axisbus.drives.gim6010.sim.parameters import CALIBRATED, Parameters
 from axisbus.drives.gim6010.sim.shaft import Shaft
 
@@ -57,7 +58,6 @@ class ModuleAxis:
     # Commands.
 
     def request(self, state: int) -> None:
-        """Take ``requested_state``."""
         if state == AxisState.UNDEFINED or (state == self.state and not self._sequence):
             return
         if state == AxisState.IDLE:
@@ -71,12 +71,10 @@ class ModuleAxis:
             self._release()
 
     def estop(self) -> None:
-        """Remove the power, with a latched error."""
         self.error |= AxisError.ESTOP_REQUESTED
         self._release()
 
     def clear(self) -> None:
-        """Clear all error words."""
         self.error = AxisError(0)
         self.motor_error = MotorError(0)
         self.encoder_error = EncoderError(0)
@@ -99,12 +97,10 @@ class ModuleAxis:
 
     @property
     def energised(self) -> bool:
-        """Whether there is power on the motor."""
         return self.state != AxisState.IDLE
 
     @property
     def faulty(self) -> bool:
-        """Whether any error word is not 0."""
         words = self.error, self.motor_error, self.encoder_error, self.controller_error, self.system_error
         return any(words)
 

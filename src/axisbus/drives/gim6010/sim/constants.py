@@ -1,4 +1,4 @@
-"""Numbers of CAN Simple as printed in the manual: commands, states, modes and the bits of the error words.
+"""Numbers of CAN Simple as printed in the manual: commands, states, modes, the bits of the error words, and firmware versions.
 
 Copied for the simulation alone (manual 4.1.2, 5.7); the master's encoding is tested against these.
 """
@@ -6,6 +6,7 @@ Copied for the simulation alone (manual 4.1.2, 5.7); the master's encoding is te
 from __future__ import annotations
 
 from enum import IntEnum, IntFlag
+from typing import NamedTuple
 
 COMMANDS_PER_NODE = 0x20
 MOST_NODE_ID = 63
@@ -137,3 +138,36 @@ class SystemWord(IntFlag):
 
     DC_BUS_UNDER_VOLTAGE = 0x2
     DC_BUS_OVER_VOLTAGE = 0x4
+
+
+# -- Versions of the firmware, and their differences -------------------------------------------------------------------
+
+
+class Firmware(NamedTuple):
+    """A version; versions compare as numbers."""
+
+    major: int
+    minor: int
+    revision: int
+
+    @classmethod
+    def read(cls, text: str) -> Firmware:
+        """Return the version in a text like ``0.5.13``. Raises ValueError: it is not a version of three numbers up to 255."""
+        parts = text.split(".")
+        if len(parts) != 3 or not all(
+            part.isascii() and part.isdigit() and int(part) < 256 for part in parts
+        ):
+            raise ValueError(text)
+        return cls(*(int(part) for part in parts))
+
+    def __str__(self) -> str:
+        return f"{self.major}.{self.minor}.{self.revision}"
+
+
+OLD_HEARTBEAT = Firmware(0, 5, 11)  # last version with flags in three bytes (manual 4.1.2)
+SYSTEM_FLAG = Firmware(0, 5, 13)  # first version whose heartbeat has the system error flag
+MIT_RANGES = Firmware(
+    0, 6, 0
+)  # first version with the ranges of MIT as parameters, and no effect of the watchdog
+EXTENDED = Firmware(0, 6, 8)  # first version seen with the 29-bit protocol
+FACTORY = Firmware(0, 5, 13)

@@ -74,7 +74,6 @@ class Controller:
             self._plan()
 
     def start(self) -> None:
-        """Enter closed loop."""
         self._running = True
         self.mode_changed()
 
@@ -89,7 +88,6 @@ class Controller:
         self.torque_setpoint = 0.0
 
     def stop(self) -> None:
-        """Leave closed loop."""
         self._running = False
         self._profile, self.trajectory_done = None, True
         self._running_away = None
@@ -126,7 +124,7 @@ class Controller:
         return no_axis, no_motor, ControllerError.OVERSPEED if overspeed else no_controller
 
     def _move(self, h: float, limit: float) -> None:
-        mode = self._control_mode
+        mode = int(self._parameters[_CONTROLLER + "control_mode"])
         if mode == ControlMode.TORQUE:
             self._push(self._torque(h, limit), h, limit)
         elif mode == ControlMode.VELOCITY:
@@ -177,8 +175,7 @@ class Controller:
             self._profile = plan_move(self._setpoint, self._rate, self.input_pos, fastest, speeding, braking)
 
     def _lead(self, error: float, rate: float, h: float, limit: float) -> None:
-        """Apply the position loop."""
-        reach = self._reach(limit)
+        reach = self._shaft.reach(limit)
         gain = min(self._limit("pos_gain"), 0.5 / h)
         correction = min(gain * abs(error), math.sqrt(reach * abs(error)))
         if rate == 0.0 and abs(error) < _AT_PLACE and abs(self._velocity) < _AT_REST and gain > 0.0:
@@ -194,7 +191,7 @@ class Controller:
         mode = self._input_mode
         if mode in (InputMode.PASSTHROUGH, InputMode.VELOCITY_RAMP):
             self._rate = self.input_vel
-        reach = self._reach(limit)
+        reach = self._shaft.reach(limit)
         if mode == InputMode.VELOCITY_RAMP:
             reach = min(reach, self._limit("vel_ramp_rate"))
         self._go(self._rate, reach, h, limit)
@@ -209,7 +206,7 @@ class Controller:
     def _track(self, h: float, limit: float) -> None:
         """Move the motor; if it is blocked or too weak, the demand waits for it. Without velocity loop it has no torque."""
         shaft = self._shaft
-        if not self._has_loop:
+        if not (self._limit("vel_gain") > 0.0 or self._limit("vel_integrator_gain") > 0.0):
             self._push(0.0, h, limit)
             return
         shaft.lead(self._demand, h, limit)
@@ -261,7 +258,7 @@ class Controller:
     def _run_away(self, h: float, limit: float) -> bool:
         """Run to the highest negative speed; return whether the module disarms."""
         fastest = self._fastest()
-        self._go(-fastest, self._reach(limit), h, limit)
+        self._go(-fastest, self._shaft.reach(limit), h, limit)
         if self._running_away is not None and self._velocity <= -0.98 * fastest:
             self._running_away += h
         return self._running_away is not None and self._running_away > _DISARMS_AFTER
@@ -274,25 +271,14 @@ class Controller:
         return _positive(self._parameters["axis0.motor.config.gear_ratio"]) or 8.0
 
     @property
-    def _control_mode(self) -> int:
-        return int(self._parameters[_CONTROLLER + "control_mode"])
-
-    @property
     def _input_mode(self) -> int:
         return int(self._parameters[_CONTROLLER + "input_mode"])
-
-    @property
-    def _has_loop(self) -> bool:
-        return self._limit("vel_gain") > 0.0 or self._limit("vel_integrator_gain") > 0.0
 
     def _limit(self, name: str) -> float:
         return _positive(self._parameters[_CONTROLLER + name])
 
     def _fastest(self) -> float:
         return self._limit("vel_limit") if self._parameters[_CONTROLLER + "enable_vel_limit"] else _MOST
-
-    def _reach(self, limit: float) -> float:
-        return self._shaft.reach(limit)
 
 
 def _positive(value: float) -> float:

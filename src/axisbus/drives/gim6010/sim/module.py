@@ -15,9 +15,8 @@ from collections.abc import Callable
 from typing import Any
 
 from axisbus.drives.gim6010.sim.axis import ModuleAxis
-from axisbus.drives.gim6010.sim.constants import AxisState, Protocol
+from axisbus.drives.gim6010.sim.constants import EXTENDED, FACTORY, AxisState, Firmware, Protocol
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import EXTENDED, FACTORY, Firmware
 from axisbus.drives.gim6010.sim.parameters import Endpoints, Parameters, Value, list_of
 from axisbus.drives.gim6010.sim.protocol import CanSimpleServer, Frame, PendingCommands
 from axisbus.drives.gim6010.sim.shaft import Shaft
@@ -94,12 +93,10 @@ class Module:
 
     @property
     def node_id(self) -> int:
-        """The node ID in effect."""
         return self.parameters.node_id
 
     @property
     def protocol(self) -> int:
-        """The protocol in effect."""
         return self._spoken
 
     # The wire.
@@ -148,11 +145,7 @@ class Module:
     # USB.
 
     def usb_read(self, path: str) -> Value:
-        """Read a parameter by its path in the USB tree.
-
-        Raises:
-            KeyError: no parameter has this path.
-        """
+        """Read a parameter by its path in the USB tree. Raises KeyError: no parameter has this path."""
         return self.endpoints.read(path)
 
     def usb_write(self, path: str, value: Value) -> None:
@@ -215,7 +208,8 @@ class Module:
             self._speak(int(self.parameters[_PROTOCOL]))
         if self._silent_for > 0.0:
             self._silent_for = max(0.0, self._silent_for - dt)
-            self._coast(dt)
+            self.motor.blocked = self.dials.blocked
+            self.shaft.push(0.0, dt)  # it coasts
             return
         if self._slave is not None and self.device is not None:
             self.device.drive.dials.blocked = self.dials.blocked
@@ -223,17 +217,10 @@ class Module:
             self._slave.step(now)
             return
         self.axis.step(dt)
-        self._speak_up(now)
-
-    def _speak_up(self, now: float) -> None:
         if self._spoken == Protocol.CAN_SIMPLE:
             self._talk.step(now)
         elif self._spoken == Protocol.EXTENDED:
             self._beacon.step(now, self.node_id)
-
-    def _coast(self, dt: float) -> None:
-        self.motor.blocked = self.dials.blocked
-        self.shaft.push(0.0, dt)
 
     @property
     def _speaks(self) -> bool:
@@ -340,12 +327,10 @@ class Beacon:
         self._life = 0
 
     def restart(self) -> None:
-        """Power up."""
         self.frames.clear()
         self._due, self._life = None, 0
 
     def step(self, now: float, node_id: int) -> None:
-        """Send a heartbeat if it is due."""
         if node_id == 0 or (self._due is not None and now < self._due - 1e-9):
             return
         self._due = max(now, (now if self._due is None else self._due) + _PERIOD)

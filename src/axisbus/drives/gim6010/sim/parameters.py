@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from axisbus.drives.gim6010.sim.firmware import Firmware
+from axisbus.drives.gim6010.sim.constants import Firmware
 
 Value = float | int
 
@@ -49,7 +49,6 @@ class Row(NamedTuple):
 
     @property
     def is_function(self) -> bool:
-        """Whether it is called instead of written."""
         return self.access == "x"
 
 
@@ -116,7 +115,6 @@ class Parameters:
         return int(self.values["axis0.config.can.node_id"]) & 0x3F
 
     def save(self) -> None:
-        """Copy RAM to flash."""
         self._flash = dict(self.values)
 
     def load(self) -> None:
@@ -158,11 +156,9 @@ class Endpoints:
         self._given: dict[str, Value] = {}
 
     def number(self, path: str) -> int:
-        """Return the number of a path in this list."""
         return number_in(self.name, self._by_path[path].number)
 
     def read(self, path: str) -> Value:
-        """Return a value by its path."""
         live = self._live.get(path)
         row = self._by_path[path]
         if live is None:

@@ -18,15 +18,18 @@ from typing import NamedTuple
 from axisbus.drives.gim6010.sim.axis import ModuleAxis
 from axisbus.drives.gim6010.sim.constants import (
     COMMANDS_PER_NODE,
+    MIT_RANGES,
     MOST_NODE_ID,
+    OLD_HEARTBEAT,
+    SYSTEM_FLAG,
     AxisState,
     Command,
     ControlMode,
     ErrorType,
+    Firmware,
     InputMode,
 )
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.firmware import MIT_RANGES, OLD_HEARTBEAT, SYSTEM_FLAG, Firmware
 from axisbus.drives.gim6010.sim.parameters import Endpoints, Parameters
 
 Frame = tuple[int, bytes]
@@ -107,13 +110,13 @@ class CanSimpleServer:
             Command.SET_AXIS_NODE_ID: (4, self._set_node_id),
             Command.SET_AXIS_STATE: (4, lambda data: axis.request(_u32(data))),
             Command.MIT_CONTROL: (8, self._mit),
-            Command.SET_CONTROLLER_MODE: (8, self._set_mode),
+            Command.SET_CONTROLLER_MODE: (8, lambda data: self._enter(*struct.unpack_from("<II", data))),
             Command.SET_INPUT_POS: (8, self._input_pos),
             Command.SET_INPUT_VEL: (8, self._input_vel),
-            Command.SET_INPUT_TORQUE: (4, self._input_torque),
+            Command.SET_INPUT_TORQUE: (4, lambda data: self._take(torque=struct.unpack_from("<f", data)[0])),
             Command.REBOOT: (0, lambda _: wishes.reboot()),
             Command.CLEAR_ERRORS: (0, lambda _: axis.clear()),
-            Command.SET_LINEAR_COUNT: (4, self._set_linear_count),
+            Command.SET_LINEAR_COUNT: (4, lambda data: axis.shaft.set_linear_count(_i32(data))),
             Command.DISABLE_CAN: (0, lambda _: wishes.disable_can()),
             Command.SAVE_CONFIGURATION: (0, lambda _: wishes.save()),
         }
@@ -147,7 +150,6 @@ class CanSimpleServer:
             act(data)
 
     def step(self, now: float) -> None:
-        """Send the periodic messages that are due."""
         for name, command, kind in _PERIODIC:
             period = self._parameters[_CAN + name] / 1000.0
             if period <= 0.0 or now < self._due.get(name, now) - 1e-9:
@@ -232,9 +234,6 @@ class CanSimpleServer:
         if node_id <= MOST_NODE_ID:
             self._parameters[_CAN + "node_id"] = node_id
 
-    def _set_mode(self, data: bytes) -> None:
-        self._enter(*struct.unpack_from("<II", data))
-
     def _enter(self, control: int, inputs: int) -> None:
         self._parameters[_CONTROLLER + "control_mode"] = control
         self._parameters[_CONTROLLER + "input_mode"] = inputs
@@ -253,17 +252,11 @@ class CanSimpleServer:
         velocity, torque = struct.unpack_from("<ff", data)
         self._take(vel=velocity, torque=torque)
 
-    def _input_torque(self, data: bytes) -> None:
-        self._take(torque=struct.unpack_from("<f", data)[0])
-
     def _take(
         self, *, pos: float | None = None, vel: float | None = None, torque: float | None = None
     ) -> None:
         self._axis.feed()
         self._axis.controller.take(pos=pos, vel=vel, torque=torque)
-
-    def _set_linear_count(self, data: bytes) -> None:
-        self._axis.shaft.set_linear_count(struct.unpack_from("<i", data)[0])
 
     # MIT: its values are at the output shaft.
 
@@ -300,6 +293,10 @@ class CanSimpleServer:
 
 def _u32(data: bytes) -> int:
     return int.from_bytes(data[:4], "little")
+
+
+def _i32(data: bytes) -> int:
+    return int.from_bytes(data[:4], "little", signed=True)
 
 
 def _floats(*values: float) -> bytes:

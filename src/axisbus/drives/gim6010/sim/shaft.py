@@ -23,7 +23,6 @@ class Shaft:
 
     @property
     def counts(self) -> int:
-        """Counts per turn."""
         return self.motor.params.increments_per_turn
 
     @property

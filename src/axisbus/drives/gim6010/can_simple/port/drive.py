@@ -102,7 +102,6 @@ class ModuleDrive:
         self._halted = False
 
     def feed_within(self, timeout: float) -> None:
-        """As ``ModulePort.feed_within``."""
         self._lead.feed_within(timeout)
 
     def stop_frames(self) -> list[Outgoing]:

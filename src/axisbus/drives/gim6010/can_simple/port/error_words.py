@@ -49,7 +49,6 @@ class ModuleErrors:
         self.words[AXIS] = axis_error
 
     def clear(self) -> None:
-        """End the fault."""
         self.words, self._left, self._asked = {}, [], None
 
     @property
@@ -64,7 +63,6 @@ class ModuleErrors:
         return self.told and bool(others) and not any(word is not None for word in others)
 
     def ask(self, now: float) -> Outgoing | None:
-        """Return the next request if it is due."""
         if self._asked is not None and now >= self._until:
             self.words[self._asked.category] = None
             self._asked = None

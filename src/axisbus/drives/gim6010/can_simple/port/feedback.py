@@ -21,11 +21,10 @@ from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, Un
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
 from axisbus.drives.gim6010.can_simple.identifier import split
-from axisbus.drives.gim6010.can_simple.messages import named
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, named
 from axisbus.drives.gim6010.can_simple.port.error_words import WAIT, ModuleErrors
 from axisbus.drives.gim6010.can_simple.port.rotor_position import RotorPosition
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP
 from axisbus.wording import counted
 
 _LOST = 3.0  # periods of the heartbeat
@@ -63,12 +62,10 @@ class ModuleFeedback:
 
     @property
     def beat(self) -> Heartbeat | None:
-        """The newest heartbeat."""
         return self._beats.last
 
     @property
     def beats(self) -> int:
-        """Number of heartbeats received."""
         return self._beats.heard
 
     @property
@@ -97,7 +94,6 @@ class ModuleFeedback:
         return self.beat_at + _LOST * self._settings.heartbeat + 1e-9
 
     def is_silent(self, now: float) -> bool:
-        """Whether no heartbeat has arrived for too long."""
         return now > self.silent_from
 
     def let_go(self) -> None:

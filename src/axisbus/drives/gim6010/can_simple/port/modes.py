@@ -97,7 +97,6 @@ class Targets:
     stream: int | None = None
 
     def take(self, outputs: Outputs) -> None:
-        """Take the targets of a cycle."""
         self.stream = outputs.target_position
         self.position = self.position if outputs.target_position is None else outputs.target_position
         self.velocity = self.velocity if outputs.target_velocity is None else outputs.target_velocity
@@ -210,7 +209,6 @@ class Velocity(ModuleMode):
         self._ramp(self._wanted)
 
     def halt(self, word: int, edge: int, first: bool) -> None:  # noqa: ARG002
-        """Ramp to 0."""
         self._ramp(0.0)
 
     @property

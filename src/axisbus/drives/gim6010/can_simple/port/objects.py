@@ -57,7 +57,6 @@ class ModuleObjects:
 
     @property
     def indices(self) -> frozenset[int]:
-        """All indices."""
         addresses = [*self._constants, *self._live, *self._orders]
         return frozenset({index for index, _ in addresses} | set(self._profile.values))
 

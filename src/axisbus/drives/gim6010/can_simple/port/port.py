@@ -160,11 +160,8 @@ class ModulePort:
     @property
     def _velocity(self) -> Sample | None:
         place = self._hearing.place
-        return (
-            None
-            if place.velocity_stamp is None
-            else Sample(round(place.velocity * TURN), place.velocity_stamp)
-        )
+        stamp = place.velocity_stamp
+        return None if stamp is None else Sample(round(place.velocity * TURN), stamp)
 
     @property
     def _torque(self) -> Sample | None:
@@ -218,9 +215,8 @@ class ModulePort:
         }
         if self.settings.torque is not None:
             found[o.TORQUE_ACTUAL] = _value(lambda: self._torque)
-        if (
-            self.settings.torque is not None or self.settings.relayed
-        ):  # by line, the mode decides, and not the objects
+        # by line, the mode decides, and not the objects
+        if self.settings.torque is not None or self.settings.relayed:
             found[o.TARGET_TORQUE] = lambda: drive.targets.torque
         return {(index, 0): read for index, read in found.items()} | error_objects(self._hearing.trouble)
 
@@ -242,12 +238,7 @@ def _capabilities(settings: ModuleSettings) -> Capabilities:
         inputs | {"torque": torque, "demand": ValueTransport.NONE},
         outputs | {"target_torque": torque},
         remappable=False,
-        max_age={
-            "statusword": state,
-            "mode": state,
-            "position": age,
-            "velocity": age,
-            "torque": age,
-            "demand": 0.0,
-        },
+        max_age=dict.fromkeys(("statusword", "mode"), state)
+        | dict.fromkeys(("position", "velocity", "torque"), age)
+        | {"demand": 0.0},
     )

@@ -23,8 +23,8 @@ from enum import Enum
 
 from axisbus.cia402 import controlword as cw
 from axisbus.cia402.state import STATUSWORD_PATTERNS, TRANSITIONS, PowerState
+from axisbus.drives.gim6010.can_simple.messages import IDLE
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
-from axisbus.drives.gim6010.can_simple.states import IDLE
 
 _S, _C = PowerState, cw.PowerCommand
 WORDS = {state: value for _, value, state in STATUSWORD_PATTERNS}
@@ -118,7 +118,6 @@ class ModulePowerStage:
         return self.power is Power.ON
 
     def look(self) -> None:
-        """Update the state from the frames received so far."""
         hearing = self._hearing
         heard = hearing.beat_at > self._since
         closed = hearing.closed

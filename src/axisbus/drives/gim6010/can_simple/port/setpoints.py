@@ -89,7 +89,6 @@ class ModuleSetPoints:
         return self._mode == TORQUE
 
     def look(self, now: float) -> None:
-        """Begin a cycle at time ``now``."""
         self.now = now
         if self.moves:
             self._slow_since = None
@@ -108,7 +107,6 @@ class ModuleSetPoints:
         self._given_at = -math.inf
 
     def use(self, mode: tuple[int, int]) -> bool:
-        """Set control and input mode; return whether they have changed."""
         if self._mode == mode:
             return False
         self.frames.append(self._orders.mode(mode))

@@ -10,10 +10,8 @@ from axisbus.drives.gim6010.can_simple.identifier import require_node
 from axisbus.drives.gim6010.can_simple.messages import HIGHEST_CURRENT
 from axisbus.errors import ArgumentError, LimitError
 
-HEARTBEAT, HEARTBEAT_BY_LINE = (
-    0.1,
-    0.35,
-)  # s: the factory setting (manual v2.2, 4.1.5), and the period expected of a relay
+# s: the factory setting (manual v2.2, 4.1.5), and the period expected of a relay
+HEARTBEAT, HEARTBEAT_BY_LINE = 0.1, 0.35
 _FRESH, _FRESH_BY_LINE = 0.1, 1.0  # s; on the serial line a lost answer costs half a second
 FEEDS = 4  # set-points that a module gets, at the least, within an armed time-out
 
@@ -24,10 +22,7 @@ class TorqueSettings:
 
     ``constant`` in N·m/A is the module's ``torque_constant``; it has no default, because the manual contradicts itself. ``rated``
     in N·m is the rotor torque that corresponds to 1000 ‰: the rated output torque divided by the gear ratio. ``ramp`` in N·m/s is
-    the module's ``torque_ramp_rate``.
-
-    Raises:
-        ArgumentError: a value is not above 0.
+    the module's ``torque_ramp_rate``. Raises ArgumentError: a value is not above 0.
     """
 
     constant: float

@@ -15,11 +15,11 @@ from enum import Enum
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
+from axisbus.drives.gim6010.can_simple.messages import IDLE
 from axisbus.drives.gim6010.can_simple.orders import Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.setpoints import MOVES
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.drives.gim6010.can_simple.states import IDLE
 
 _AGAIN = 0.05  # s between two commands, which are repeated because another master may be alive and command the module
 _STILL = 0.1  # s without motion, for standstill

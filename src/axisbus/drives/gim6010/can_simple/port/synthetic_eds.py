@@ -55,7 +55,6 @@ MAKE = DrivePlugin(
 
 @cache
 def description(settings: ModuleSettings) -> Eds:
-    """Return the EDS of the drive that the port emulates with these settings."""
     objects = ModulePort(settings).objects
     parts = [_HEAD, _IDENTITY]
     for index, addresses in groupby(sorted(objects.addresses), key=lambda address: address[0]):

@@ -3,30 +3,42 @@
 from __future__ import annotations
 
 import math
+import sys
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import click
 
-from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
-from axisbus.drives.gim6010.can_simple.states import CLOSED_LOOP, state_words
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next
+from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     ModbusTarget,
     line_of,
     list_options,
     opened,
     parameters,
+    parity_option,
+    port_option,
     target_options,
 )
 from axisbus.drives.gim6010.cli.settings.common import pair, set_zero
 from axisbus.drives.gim6010.modbus.module import ModbusModule, look, require_setting, set_node_id
-from axisbus.drives.gim6010.modbus.registers import ALIVE_IN_CLOSED_LOOP, BY_NAME, REGISTERS, Register, named
+from axisbus.drives.gim6010.modbus.registers import (
+    ALIVE_IN_CLOSED_LOOP,
+    BY_NAME,
+    HIGHEST_DEVICE,
+    RATES,
+    REGISTERS,
+    Register,
+    named,
+)
 from axisbus.drives.gim6010.modbus.requests import write
 from axisbus.drives.gim6010.parameters import values
+from axisbus.wording import counted
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.can_simple.fields import Number
     from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-
 
 # -- Parse and format values of registers and parameters ---------------------------------------------------------------
 
@@ -58,7 +70,7 @@ def show(register: Register, value: Number) -> str:
 @list_options
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
 def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) -> int:
-    """Read values by name: registers (all without a NAME), and with --list parameters by their USB names.
+    """Read values by name: registers (all of them if no NAME is given), and with --list also parameters by their USB names.
 
     A value of several registers is read in one request. Position and velocity are only updated in closed loop, and may be
     outdated otherwise; in JSON they are null then.
@@ -68,7 +80,12 @@ def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) ->
     )
     if target.listed is None:
         for name in wanted:
-            named(name.removeprefix("odrv0.")) if not is_parameter(name) else _require_list(name)
+            if is_parameter(name):
+                raise click.UsageError(
+                    f"{name!r} is not a register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: "
+                    "--list"
+                )
+            named(name.removeprefix("odrv0."))
     with opened(target) as module:
         known = parameters(target, module) if any(map(is_parameter, wanted)) else None
         found: dict[str, object] = {}
@@ -87,12 +104,6 @@ def read_command(target: ModbusTarget, names: tuple[str, ...], as_json: bool) ->
     if as_json:
         say_json(found)
     return OK
-
-
-def _require_list(name: str) -> None:
-    raise click.UsageError(
-        f"{name!r} is not a register ({', '.join(BY_NAME)}); a parameter of the firmware needs its list of endpoints: --list"
-    )
 
 
 # -- ``axisbus gim6010 modbus state``: print the state of a module -----------------------------------------------------
@@ -124,16 +135,8 @@ def state_command(target: ModbusTarget, as_json: bool) -> int:
         seen = look(module, tries=3)
         found = {name: module.read(name) for name in _SHOWN}
     if as_json:
-        plain = {name: values.plain(value) for name, value in found.items()}
-        say_json(
-            {
-                "state": seen.state,
-                "flags": seen.flags,
-                "position": seen.position,
-                "velocity": seen.velocity,
-                **plain,
-            }
-        )
+        status = {name: getattr(seen, name) for name in ("state", "flags", "position", "velocity")}
+        say_json(status | {name: values.plain(value) for name, value in found.items()})
         return WRONG if seen.flags else OK
     say(f"module {target.node} is in {state_words(seen.state)}" + (", with errors" if seen.flags else ""))
     for name, value in (("position_feedback", seen.position), ("velocity_feedback", seen.velocity)):
@@ -298,3 +301,78 @@ def stop_command(target: ModbusTarget) -> int:
     with interrupts(signals.append), line_of(target) as channel:
         stop_on_line(channel, target.node, tell=say, impatience=lambda: len(signals))
     return OK
+
+
+# -- ``axisbus gim6010 modbus find``: find the modules on a line -------------------------------------------------------
+
+
+_USUAL = 63
+_TIMEOUT = 0.1  # s for an answer, which takes a few ms
+
+
+@click.command("find")
+@port_option
+@click.option(
+    "--rate",
+    "rates",
+    type=click.Choice([*map(str, RATES), "all"]),
+    default=str(RATES[-1]),
+    show_default=True,
+    help="The line's rate in bit/s; all: one after another.",
+)
+@parity_option
+@click.option(
+    "--highest",
+    type=click.IntRange(1, HIGHEST_DEVICE),
+    default=_USUAL,
+    show_default=True,
+    help="The highest node ID to ask.",
+)
+def find_command(port: str, rates: str, parity: str, highest: int) -> int:
+    """Ask one node ID after the other; show state, supply and errors of each module found, and the next command to type.
+
+    Nothing is written. It asks at one rate, or at all of them with --rate all: no other program may use the line meanwhile.
+    Exit code 0 if a module was found without an error, 1 if one has an error, 3 if no module answers.
+    """
+    asked = RATES[::-1] if rates == "all" else (int(rates),)
+    good: list[bool] = []
+    for rate in asked:
+        good += _at(ModbusTarget(port, 1, rate, parity), highest)
+    if not good:
+        say_error(_nobody(port, highest, asked))
+        return FAILURE
+    return OK if all(good) else WRONG
+
+
+def _at(line: ModbusTarget, highest: int) -> list[bool]:
+    """Query all node IDs at one rate; return for each module whether it has no error."""
+    from axisbus.drives.gim6010.modbus.module import Present, present
+
+    good = []
+    with line.wire(_TIMEOUT) as wire:
+        for found in present(wire, range(1, highest + 1)):
+            if not isinstance(found, Present):
+                _show_progress(found, highest, line.rate)
+                continue
+            say(f"{found}, at {line.rate} bit/s" if not found.trouble else f"at {line.rate} bit/s {found}")
+            verb = "errors" if found.trouble else "state"
+            say_next(f"axisbus gim6010 modbus {verb} {replace(line, node=found.device).words}")
+            good.append(not found.trouble)
+    return good
+
+
+def _show_progress(device: int, highest: int, rate: int) -> None:
+    if sys.stderr.isatty():
+        end = "\r" if device < highest else "\n"
+        click.echo(f"  {rate} bit/s: node ID {device} of {highest}", err=True, nl=False)
+        click.echo(end, err=True, nl=False)
+
+
+def _nobody(port: str, highest: int, rates: tuple[int, ...]) -> str:
+    tried = "at all rates" if len(rates) > 1 else f"at {rates[0]} bit/s"
+    return (
+        f"no module answers on {port}\n  observed: {counted(highest, 'node ID')} asked {tried}\n"
+        "  remedy:   check the supply, that A and B are not swapped, the ground, and that RS485 is the interface of the "
+        "module (config.comm_intf_mux = 1 "
+        "over USB); try --rate all, --parity even, --highest 247"
+    )

@@ -133,27 +133,14 @@ def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
         yield ModbusModule(wire, target.node)
 
 
-@contextmanager
-def line_of(
-    target: ModbusTarget, listed: Listed | None = None, *, calibrates: bool = False
-) -> Iterator[Channel]:
+def line_of(target: ModbusTarget, listed: Listed | None = None, *, calibrates: bool = False) -> Channel:
     """Open the port as the channel of the module, whose registers are polled from now on; ``listed`` and ``calibrates`` as for
-    ``Relay``.
-
-    Raises:
-        As ``opened``.
+    ``Relay``. Raises as ``opened``.
     """
     from axisbus.drives.gim6010.bus.one_module_line import open_line
 
-    with open_line(
-        target.port,
-        target.node,
-        rate=target.rate,
-        parity=target.parity,
-        listed=listed,
-        calibrates=calibrates,
-    ) as channel:
-        yield channel
+    port, node, rate, parity = target.port, target.node, target.rate, target.parity
+    return open_line(port, node, rate=rate, parity=parity, listed=listed, calibrates=calibrates)
 
 
 @contextmanager
@@ -203,11 +190,7 @@ def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Fi
 
 
 def text_of(path: Path) -> bytes:
-    """Return the contents of a file.
-
-    Raises:
-        UserError: the file cannot be read.
-    """
+    """Return the contents of a file. Raises UserError: the file cannot be read."""
     try:
         return path.read_bytes()
     except OSError as error:

@@ -23,7 +23,7 @@ from axisbus.drives.gim6010.cli.settings.common import (
 from axisbus.drives.gim6010.make import GEAR_RATIO
 from axisbus.drives.gim6010.settings import parameter_settings as settings
 from axisbus.drives.gim6010.settings import watchdog, zero
-from axisbus.drives.gim6010.settings.pulse_inputs import Follows, PulseMapping, Pulses
+from axisbus.drives.gim6010.settings.pulse_inputs import FOLLOWS, PulseMapping, Pulses
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
@@ -259,7 +259,7 @@ def pulses_command(per_turn: int, turns: int, circular: bool) -> int:
 
 
 @click.command("pwm", context_settings={"ignore_unknown_options": True})
-@click.argument("follows", type=click.Choice(["position", "velocity", "torque"]))
+@click.argument("follows", type=click.Choice([*FOLLOWS]))
 @click.argument("low", type=float)
 @click.argument("high", type=float)
 def pwm_command(follows: str, low: float, high: float) -> int:
@@ -268,7 +268,7 @@ def pwm_command(follows: str, low: float, high: float) -> int:
 
     Sends nothing and writes nothing: the parameter that follows the pulses is set by a reference that only USB has.
     """
-    return _tell_input(PulseMapping(Follows[follows.upper()], low, high))
+    return _tell_input(PulseMapping(FOLLOWS[follows], low, high))
 
 
 def _tell_input(of_pulses: Pulses | PulseMapping) -> int:

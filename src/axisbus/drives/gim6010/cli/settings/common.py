@@ -21,7 +21,6 @@ Act = Callable[["ModuleParameters"], None]
 
 
 def save_option(function: Decorated) -> Decorated:
-    """Add --save."""
     return click.option(
         "--save",
         is_flag=True,
@@ -30,7 +29,6 @@ def save_option(function: Decorated) -> Decorated:
 
 
 def over_usb(steps: Sequence[str]) -> None:
-    """Print steps over USB."""
     say("do this over USB:")
     for step in steps:
         say(f"  {step}")
@@ -54,7 +52,6 @@ def with_module(asked: ModuleSelection, act: Act, steps: Sequence[str]) -> int:
 
 
 def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
-    """Print the present values of parameters."""
     from axisbus.drives.gim6010.settings.parameter_settings import shown
 
     def act(module: ModuleParameters) -> None:
@@ -111,11 +108,7 @@ def change(
 
 
 def pair(text: str, form: str) -> tuple[str, str]:
-    """Return both sides of a text such as ``PATH=VALUE``, which is its ``form``.
-
-    Raises:
-        UsageError: the text has another form.
-    """
+    """Return both sides of a text such as ``PATH=VALUE``, which is its ``form``. Raises UsageError: the text has another form."""
     name, equals, value = text.partition("=")
     if not equals or not name or not value:
         raise click.UsageError(f"{text!r}: write {form}")

@@ -16,7 +16,7 @@ import click
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import BitRate
-from axisbus.drives.gim6010.cli.discovery import BusOptions, line_options, require_node, survey
+from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, require_node, survey
 from axisbus.drives.gim6010.cli.modbus.registers import rename
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
@@ -195,8 +195,7 @@ def to_can_simple_command(line: BusOptions, node: int | None, usb: str | None) -
 
     wanted = protocol(CAN_SIMPLE)
     if usb is not None:
-        with on_usb(usb) as module:
-            put(module, wanted, save=True)
+        put(on_usb(usb), wanted, save=True)
         say("saved: it restarted, and speaks CAN Simple")
         return OK
     node = require_node(node)
@@ -274,14 +273,14 @@ def set_id_command(
 
 
 def _over_usb(usb: str, new: int, *, save: bool) -> int:
-    with on_usb(usb) as module:
-        before = module.node
-        module.set_node_id(new)
-        say(f"node ID {new} (was {before}), in RAM")
-        if save:
-            module.save()
-            say("saved: it restarted, and has it")
-        else:
-            say_next(f"save it: axisbus gim6010 set-id {new} {usb_words_of(usb)}")
+    module = on_usb(usb)
+    before = module.node
+    module.set_node_id(new)
+    say(f"node ID {new} (was {before}), in RAM")
+    if save:
+        module.save()
+        say("saved: it restarted, and has it")
+    else:
+        say_next(f"save it: axisbus gim6010 set-id {new} {usb_words_of(usb)}")
     say(f"label it {new}; no other node on its bus may have this ID: axisbus gim6010 find")
     return OK

@@ -13,27 +13,47 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import NamedTuple
 
-from axisbus.drives.gim6010.sim.constants import AxisState
-from axisbus.drives.gim6010.sim.firmware import FACTORY, Firmware
-from axisbus.drives.gim6010.sim.modbus.registers import (
-    ENDPOINT,
-    ENDPOINT_VALUE,
-    FLAGS,
-    HOLDINGS,
-    INPUTS,
-    NODE_ID,
-    POSITION,
-    POSITION_TARGET,
-    RETURN,
-    STATE_CONTROL,
-    STATES,
-    VELOCITY,
-    Act,
-    RegisterAddress,
-)
+from axisbus.cia301.tables import rows
+from axisbus.drives.gim6010.sim.constants import FACTORY, AxisState, Firmware
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.sim.parameters import Value
+
+
+class Act(IntEnum):
+    """Holding registers that start an action when any value is written."""
+
+    EMERGENCY_STOP = 0x61
+    REBOOT = 0x7E
+    CLEAR_ERRORS = 0x7F
+    SAVE = 0x80
+
+
+class RegisterAddress(NamedTuple):
+    """One value: struct's letter, and the path of its parameter in the USB tree; empty if it is not a parameter."""
+
+    kind: str
+    path: str
+
+
+FLAGS, RETURN = 0x02, 0x31
+NODE_ID, STATE_CONTROL = 0x62, 0x63
+ENDPOINT, ENDPOINT_VALUE = 0xA1, 0xA2
+POSITION, VELOCITY = 0x0F, 0x11
+POSITION_TARGET = 0x66
+STATES = (1, 3, 4, 7, 8, 11)
+_ROWS = rows(__package__, "station.tsv")
+INPUTS, HOLDINGS = (
+    {
+        int(row["address"], 16): RegisterAddress(row["kind"], row["path"])
+        for row in _ROWS
+        if row["bank"] == bank
+    }
+    for bank in ("input", "holding")
+)
+
 
 _READ_HOLDING, _READ_INPUT, _WRITE_ONE, _WRITE_SEVERAL = 0x03, 0x04, 0x06, 0x10
 _NO_FUNCTION, _NO_ADDRESS, _NO_VALUE = 1, 2, 3  # exception codes (Modbus application protocol V1.1b3, 7)
@@ -71,7 +91,6 @@ class Station:
 
     @property
     def address(self) -> int:
-        """The Modbus address in effect."""
         return self._address
 
     @property
@@ -106,7 +125,6 @@ class Station:
 
     @property
     def owes(self) -> bool:
-        """Whether an answer is pending."""
         return bool(self._answers)
 
     # Requests.
@@ -188,7 +206,8 @@ class Station:
 
     def _value(self, places: dict[int, RegisterAddress], first: int) -> Value:
         module = self.module
-        if places is INPUTS and first in (POSITION, VELOCITY) and self._is_dead:
+        dead = self.dials.dead_in_idle and module.axis.state != AxisState.CLOSED_LOOP
+        if places is INPUTS and first in (POSITION, VELOCITY) and dead:
             return 0.0
         own: dict[int, Callable[[], Value]] = {
             FLAGS: self._flags,
@@ -203,10 +222,6 @@ class Station:
                 ENDPOINT_VALUE: lambda: 0,
             }
         return own[first]() if first in own else module.usb_read(places[first].path)
-
-    @property
-    def _is_dead(self) -> bool:
-        return self.dials.dead_in_idle and self.module.axis.state != AxisState.CLOSED_LOOP
 
     def _flags(self) -> int:
         axis = self.module.axis

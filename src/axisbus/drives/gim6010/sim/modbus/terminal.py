@@ -25,11 +25,7 @@ class Terminal:
     """Serves stations on one line; holds both ends of the pseudo-terminal. ``path`` is the port for the program."""
 
     def __init__(self, stations: Sequence[Station]) -> None:
-        """Start to serve, in a separate thread.
-
-        Raises:
-            PlatformError: this system has no pseudo-terminals.
-        """
+        """Start to serve, in a separate thread. Raises PlatformError: this system has no pseudo-terminals."""
         if tty is None:
             raise PlatformError(
                 "there are no pseudo-terminals on Windows, so no simulated serial line",
@@ -37,9 +33,8 @@ class Terminal:
             )
         self.stations = tuple(stations)
         self.lock = threading.Lock()  # held while a station is advanced
-        self._line, self._program = (
-            os.openpty()
-        )  # server's and program's end; the latter stays open, so that the line survives when programs close it
+        # server's and program's end; the latter stays open, so that the line survives when programs close it
+        self._line, self._program = os.openpty()
         tty.setraw(self._program)
         os.set_blocking(self._line, False)
         self.path = os.ttyname(self._program)
@@ -76,7 +71,6 @@ class Terminal:
 
 @contextmanager
 def served(*stations: Station) -> Iterator[Terminal]:
-    """Serve stations on a line while the block runs."""
     terminal = Terminal(stations)
     try:
         yield terminal

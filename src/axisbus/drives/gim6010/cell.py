@@ -1,26 +1,123 @@
-"""The modules among a cell's nodes, the settings of their ports, and their axes as CiA 402 drives."""
+"""The modules among a cell's nodes: the settings of their tables, which no message reports, and their axes as CiA 402 drives."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from axisbus.cell import scale_proposal
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.model import AxisConfig, BusConfig, CellConfig, NodeConfig
-from axisbus.cell.other_protocols import NodeFrame
+from axisbus.cell.other_protocols import CellPart, NodeFrame
 from axisbus.cell.parameters import axis_parameters
+from axisbus.cia301.tables import rows
+from axisbus.cia402.modes import ModeOfOperation
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
-from axisbus.drives.gim6010.can_simple.identifier import can_id
+from axisbus.drives.gim6010.can_simple.identifier import can_id, commands_to, sent_by
 from axisbus.drives.gim6010.can_simple.messages import LENGTH, named
 from axisbus.drives.gim6010.can_simple.port.feedback import CURRENT_EVERY, SELDOM
-from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
+from axisbus.drives.gim6010.can_simple.port.settings import (
+    HEARTBEAT,
+    HEARTBEAT_BY_LINE,
+    ModuleSettings,
+    TorqueSettings,
+)
 from axisbus.drives.gim6010.can_simple.port.synthetic_eds import MAKE, description
-from axisbus.drives.gim6010.cell.module import MODBUS, ModuleConfig
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, StateError
 from axisbus.motion.parameters import AxisParameters
+from axisbus.toml import value_readers as v
+from axisbus.toml.tables import CellKey, SourceLocation
+
+CAN_SIMPLE, MODBUS = "can_simple", "modbus"
+_HOLDING = "-hold"
+
+_KEYS = rows(__package__, "cell_keys.tsv")
+_KINDS = {"positive": v.positive, "text": v.text}
+# Each key with its reader, and the remedy if a required key is missing.
+READERS: Mapping[str, tuple[v.ValueReader, str]] = {
+    row["key"]: (_KINDS[row["kind"]], row["remedy"]) for row in _KEYS
+}
+TORQUE = ("gear_ratio", "torque_constant", "torque_ramp")
+# The modes of a module on RS485 beside homing, of which its axis has one: the mode is set in idle.
+LINE_MODES: Mapping[str, ModeOfOperation] = {
+    "pp": ModeOfOperation.PROFILE_POSITION,
+    "pv": ModeOfOperation.PROFILE_VELOCITY,
+    "tq": ModeOfOperation.PROFILE_TORQUE,
+}
+
+
+def line_mode(modes: Collection[str] | None) -> ModeOfOperation:
+    """Return the mode of a module on RS485 by ``modes`` of its axis: the first of ``LINE_MODES`` that it names, by default pp."""
+    named = [mode for word, mode in LINE_MODES.items() if word in (modes or ())]
+    return named[0] if named else ModeOfOperation.PROFILE_POSITION
+
+
+@dataclass(frozen=True, slots=True)
+class ModuleConfig:
+    """The values of ``[nodes.N.can_simple]`` or ``[nodes.N.modbus]``, on the rotor's side of the gear; None: left out."""
+
+    velocity_limit: float = 0.0
+    current_limit: float = 0.0
+    velocity_ramp: float = 0.0
+    acceleration: float = 0.0
+    filter_bandwidth: float | None = None
+    gear_ratio: float | None = None
+    torque_constant: float | None = None
+    torque_ramp: float | None = None
+    endpoints: str | None = None
+    at: SourceLocation = field(default=SourceLocation(), compare=False)
+    protocol: str = CAN_SIMPLE
+
+    def settings(
+        self,
+        node_id: int,
+        axis: AxisConfig | None,
+        period: float,
+        *,
+        remote: bool = True,
+        relayed: bool = False,
+    ) -> ModuleSettings:
+        """Return the settings of the port of the module, which has this ``axis``, or none.
+
+        If the axis has no rated torque, or a key of ``TORQUE`` is missing, the port has no torques. ``period`` (s) is the scan
+        period. ``remote``: whether the bus carries remote frames. ``relayed``: the module is on a serial line, where the modes of
+        its axis select its mode.
+
+        Raises:
+            ArgumentError, LimitError: a value is not valid for a module.
+        """
+        by_line = line_mode(None if axis is None else axis.modes)
+        quick_stop = None if axis is None else axis.stop.quick_stop
+        has_torque = not relayed or by_line is ModeOfOperation.PROFILE_TORQUE
+        return ModuleSettings(
+            node_id,
+            self.velocity_limit,
+            self.current_limit,
+            self.velocity_ramp,
+            self.acceleration,
+            period,
+            heartbeat=HEARTBEAT_BY_LINE if relayed else HEARTBEAT,
+            torque=self._torque(axis) if has_torque else None,
+            filter_bandwidth=self.filter_bandwidth,
+            quick_stop_holds=quick_stop is not None and quick_stop.endswith(_HOLDING),
+            remote=remote,
+            relayed=relayed,
+            line_mode=by_line if relayed else ModeOfOperation.PROFILE_POSITION,
+        )
+
+    def _torque(self, axis: AxisConfig | None) -> TorqueSettings | None:
+        rated = None if axis is None else axis.rated_torque
+        if (
+            rated is None
+            or self.gear_ratio is None
+            or self.torque_constant is None
+            or self.torque_ramp is None
+        ):
+            return None
+        return TorqueSettings(self.torque_constant, abs(rated) / self.gear_ratio, self.torque_ramp)
+
 
 NO_REMOTE = ("socketcand",)  # interfaces whose protocol has no remote frames
 
@@ -36,7 +133,6 @@ def is_line(bus: BusConfig) -> bool:
 
 
 def modules_of(cell: CellConfig) -> list[int]:
-    """Return the node-IDs of a cell's modules."""
     return sorted(node.node_id for node in cell.nodes.values() if module_of(node) is not None)
 
 
@@ -46,7 +142,6 @@ def module_of(node: NodeConfig) -> ModuleConfig | None:
 
 
 def no_objects(node_id: int, what: str) -> StateError:
-    """Return the error for using a module as a CANopen node."""
     return StateError(
         f"node {node_id} uses CAN Simple or Modbus, not CANopen: {what}",
         remedy="use its axis; its own parameters are read and written by axisbus gim6010 params",
@@ -72,15 +167,8 @@ def settings_of(cell: CellConfig, node_id: int) -> ModuleSettings:
     module = module_of(cell.nodes[node_id])
     assert module is not None
     axis = next(iter(cell.axes_of(node_id)), None)
-    return module.settings(
-        node_id,
-        None if axis is None else axis.rated_torque,
-        cell.bus.scan_period,
-        None if axis is None else axis.stop.quick_stop,
-        remote=carries_remote(cell.bus),
-        relayed=is_line(cell.bus),
-        modes=None if axis is None else axis.modes,
-    )
+    remote, relayed = carries_remote(cell.bus), is_line(cell.bus)
+    return module.settings(node_id, axis, cell.bus.scan_period, remote=remote, relayed=relayed)
 
 
 def settings_by_axis(cell: CellConfig, names: Collection[str]) -> dict[str, ModuleSettings]:
@@ -202,3 +290,25 @@ def module_parameters(cell: CellConfig, name: str) -> AxisParameters:
         ),
         torque_slope=None if turning is None else round(turning.ramp / turning.rated * 1000),
     )
+
+
+# -- The part of the plug-in that reads and describes the modules of a cell --------------------------------------------
+
+
+PART = CellPart(
+    keys={key: CellKey(*each) for key, each in READERS.items()},
+    descriptions={row["key"]: row["words"] for row in _KEYS},
+    tables={
+        CAN_SIMPLE: "Properties that a module with CAN Simple does not report.",
+        MODBUS: "The same for a module on RS485: as [nodes.N.can_simple], with endpoints, without filter; torques for the mode tq.",
+    },
+    settings=lambda protocol, fields: ModuleConfig(**fields, protocol=protocol),
+    dictionaries=descriptions,
+    parameters=module_parameters,
+    frames=module_frames,
+    sent_by=sent_by,
+    commands_to=commands_to,
+    adapter_options=line_options,
+    no_objects=no_objects,
+    no_virtual_time=no_virtual_time,
+)

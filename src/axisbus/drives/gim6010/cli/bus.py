@@ -1,17 +1,19 @@
-"""Discovery for ``find`` and ``errors``: listen, and send a limited number of requests; a wrong bit rate is detected silently."""
+"""The bus of a command: search its modules, where a wrong bit rate is detected silently, or run a procedure that moves one."""
 
 from __future__ import annotations
 
-import functools
+import sys
+from collections.abc import Iterable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
 from axisbus.cli.shared.common import say
-from axisbus.cli.shared.options import Decorated, bus_options, bus_words, parse_options
+from axisbus.cli.shared.options import Decorated, bus_options, bus_words, packed, parse_options
+from axisbus.system.signals import present
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
@@ -36,50 +38,27 @@ class BusOptions(NamedTuple):
         return bus_words(None, *self)
 
     def check(self) -> None:
-        """Refuse a missing bus or bit rate.
-
-        Raises:
-            UsageError: one of them is missing.
-        """
+        """Refuse a missing bus or bit rate. Raises UsageError: one of them is missing."""
         if self.interface is None:
             raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
         if self.interface != "sim":
             require_rate(self.interface, self.bitrate, parse_options(self.option))
 
-    @property
-    def chooses_rate(self) -> bool:
-        """Whether its adapter can listen at any bit rate without sending."""
-        from axisbus.bus.link import other_rates
-
-        return other_rates.possible(self.interface or "", parse_options(self.option))
-
 
 def line_options(function: Decorated) -> Decorated:
     """Add the bus options to a command, as the outermost of its options; it gets them together as ``line``."""
-
-    @functools.wraps(function)
-    def packed(
-        interface: str | None, channel: str | None, bitrate: int | None, option: tuple[str, ...], **rest: Any
-    ) -> Any:
-        return function(line=BusOptions(interface, channel, bitrate, option), **rest)
-
-    return bus_options(packed)
+    return bus_options(packed(BusOptions, "line")(function))
 
 
 def require_node(node: int | None) -> int:
-    """Return the node ID of the option --node.
-
-    Raises:
-        UsageError: it is not given.
-    """
+    """Return the node ID of the option --node. Raises UsageError: it is not given."""
     if node is None:
         raise click.UsageError("give the module's node ID with --node (axisbus gim6010 find shows it)")
     return node
 
 
 def without_remote(line: BusOptions) -> bool:
-    """Whether its adapter's protocol has no remote frames."""
-    from axisbus.drives.gim6010.cell.modules import NO_REMOTE
+    from axisbus.drives.gim6010.cell import NO_REMOTE
 
     return line.interface in NO_REMOTE
 
@@ -94,7 +73,10 @@ def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTra
     """
     line.check()
     finder.remote = not without_remote(line)
-    if line.chooses_rate and not _heard(line):
+    from axisbus.bus.link import other_rates
+
+    # an adapter that can listen at any bit rate without sending
+    if other_rates.possible(line.interface or "", parse_options(line.option)) and not _heard(line):
         elsewhere = no_traffic_help.listen(opening_of(None, *line), quiet=quiet)
         if elsewhere is not None:
             return elsewhere
@@ -150,3 +132,42 @@ def run_alone(line: BusOptions, procedure: Interruptible) -> int:
         if lock is not None:
             stack.enter_context(lock)
         return run_guarded(open_bus(stack, None, *line), procedure, say)
+
+
+# -- Confirmation before an automatic motion: explain it, and require the user's consent -------------------------------
+
+
+def yes_option(function: Decorated) -> Decorated:
+    return click.option("--yes", is_flag=True, help="Skip the confirmation prompt: all conditions are met.")(
+        function
+    )
+
+
+def ask(explanation: Iterable[str], *, yes: bool) -> None:
+    """Print what will happen, and continue only if the user agrees.
+
+    Raises:
+        UsageError: there is no terminal to answer, and ``--yes`` is not given.
+        Abort: the user declines.
+    """
+    for line in explanation:
+        say(line)
+    if yes:
+        return
+    if not sys.stdin.isatty():
+        raise click.UsageError(
+            "no terminal to answer the question: give --yes, if all of these conditions are met"
+        )
+    click.confirm("Start now?", abort=True)
+
+
+def end_by(number: int) -> None:
+    """End the program as the signal with this number requires; 0: there was no signal.
+
+    Raises:
+        KeyboardInterrupt, SystemExit: there was one.
+    """
+    if number in present("SIGINT", "SIGTSTP"):
+        raise KeyboardInterrupt
+    if number:
+        raise SystemExit(128 + number)

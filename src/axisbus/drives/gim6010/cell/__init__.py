@@ -1,1 +1,0 @@
-"""The part of a cell file about modules that speak CAN Simple."""
