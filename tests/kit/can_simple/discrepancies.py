@@ -91,7 +91,7 @@ NOTES = (
     ManualDiscrepancy(
         "position in idle",
         "not described",
-        "09h is 0 or invalid until closed loop was seen; 0Ah is valid",
+        "09h is 0 or invalid until the module has been in closed-loop control; 0Ah is valid",
         "the value as received; its user must check the state",
         "nothing",
         (0x09, 0x0A),

@@ -33,7 +33,7 @@ NOTES = (
     ),
     OpenPoint(
         "position in idle",
-        "not described; over CAN the same estimate is 0 or invalid until closed loop was seen",
+        "not described; over CAN the same estimate is 0 or invalid until the module has been in closed-loop control",
         "no motion relies on a position or velocity that was not read in closed loop",
     ),
     OpenPoint(

@@ -141,7 +141,7 @@ def _require_ready(step: TuningStep, axis: Axis, text: str) -> None:
         raise StateError(
             f"{text}: {axis.name} does not move",
             observed="its override is 0",
-            remedy="set it to 1: axis.set_override(1.0), cell.set_override(1.0)",
+            remedy="set it to 1 in the program that has changed it",
         )
     if (
         step.kind is TuningStepKind.VELOCITY

@@ -78,7 +78,7 @@ class RotorPosition:
     # Reception.
 
     def open(self) -> None:
-        """Note that closed loop was seen: estimates are valid from now on."""
+        """Note that the module is in closed-loop control: estimates are valid from now on."""
         if not self._live:
             self._live, self._joined = True, False
             self._astray, self._misses = None, 0
