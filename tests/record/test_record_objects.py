@@ -65,7 +65,7 @@ def test_each_frame_is_a_value_at_its_own_time():
     session = Session()
     objects = MappedObjects(
         session,
-        [
+        lambda: [
             place(0, 16, DataType.UNSIGNED16, "a"),
             place(16, 8, DataType.INTEGER8, "b"),
             place(0, 8, None, "c", 0x281),
@@ -92,9 +92,30 @@ def test_each_frame_is_a_value_at_its_own_time():
     assert not session.taps
 
 
+def test_an_object_that_a_boot_up_maps_to_another_place_is_read_there_and_its_last_values_are_dropped():
+    session, there = Session(), [place(0, 8, None, "a"), place(8, 8, None, "b")]
+    objects = MappedObjects(session, lambda: there)
+    objects.begin()
+    ((hear, _),) = session.taps.items()
+    hear([CanFrame(1.0, 0x181, b"\x01\x02"), CanFrame(5.0, 0x181, b"\x63\x03")])
+    written = []
+    objects.write(lambda *value: written.append(value), until=5.0)
+    assert written == [("a", 1.0, 1), ("b", 1.0, 2)]
+    there = [place(8, 8, None, "b"), place(0, 8, None, "a", 0x281)]
+    assert objects.look() == ["a"]
+    assert objects.look() == []
+    ((hear, wanted),) = session.taps.items()
+    assert wanted == {0x181, 0x281}
+    hear([CanFrame(5.1, 0x281, b"\x04"), CanFrame(5.1, 0x181, b"\x63\x05")])
+    objects.write(lambda *value: written.append(value))
+    assert written[2:] == [("b", 5.0, 3), ("a", 5.1, 4), ("b", 5.1, 5)]
+    objects.end()
+    assert not session.taps
+
+
 def test_without_such_objects_nothing_is_listened_to():
     session = Session()
-    objects = MappedObjects(session, [])
+    objects = MappedObjects(session, list)
     objects.begin()
     objects.end()
     assert not session.taps

@@ -157,6 +157,7 @@ class Frames:
 
     def __init__(self):
         self.taps, self.readings = {}, {}
+        self.place = PdoLocation(0x185, "TPDO1", 0, 8)
 
     def tap(self, hear, can_ids=()):
         self.taps[hear] = tuple(can_ids)
@@ -180,10 +181,23 @@ def watching(known: int | None) -> tuple[Frames, IoMoment]:
         "part", 5, 0x6000, 1, "part", None, IoPoint("part", 5, 0x6000, 1, 8, False, output=False, bit=2)
     )
     moment = IoMoment(
-        session, wanted, MappedSignal(wanted, PdoLocation(0x185, "TPDO1", 0, 8)), lambda value: value is True
+        session, wanted, lambda: MappedSignal(wanted, session.place), lambda value: value is True
     )
     moment.begin()
     return session, moment
+
+
+def test_an_input_that_a_boot_up_maps_to_another_place_is_found_there():
+    session, moment = watching(0)
+    session.place = PdoLocation(0x185, "TPDO1", 8, 8)
+    assert moment.seen(1.0, {}) is None
+    session.comes((1.1, 4))  # another object is there now, and the frame is too short
+    assert moment.seen(1.2, {}) is None
+    for hear in session.taps:
+        hear([CanFrame(time, 0x185, bytes([0, value])) for time, value in ((1.3, 0), (1.4, 4))])
+    assert moment.seen(1.5, {}) == 1.4
+    moment.end()
+    assert not session.taps
 
 
 def test_an_edge_has_the_time_of_its_frame_and_waits_for_its_cycle():

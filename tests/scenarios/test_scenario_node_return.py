@@ -22,6 +22,7 @@ from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
+from axisbus.record.load import load
 from axisbus.sim.power import Effort
 from axisbus.testing import Simulation, simulate
 from kit.cell import cell_text
@@ -247,9 +248,16 @@ def test_a_node_that_returns_is_booted_while_the_others_continue(
 
 
 def test_a_node_that_returns_with_other_stored_mappings_gets_those_of_the_cell_again(tmp_path: Path) -> None:
-    with cell(tmp_path, "xy") as (simulation, witness):
+    """A recording of an object that a PDO carries continues with its values at the new place."""
+    pytest.importorskip("mcap")
+    path = tmp_path / "over.mcap"
+    with (
+        cell(tmp_path, "xy") as (simulation, witness),
+        simulation.machine.recording(path, objects=["x:607A"]),
+    ):
         machine, device = simulation.machine, simulation.machine.simulated_node(1).device
-        for key in MAPPINGS:  # as a tool of the maker would do it while the drive is at another bus
+        before = [device.read(*key) for key in MAPPINGS]
+        for key in MAPPINGS:  # as another tool would have stored them
             device._stored[key[0] << 8 | key[1]] = 0
         device._stored[0x1A00_01], device._stored[0x1A00_00] = 0x1001_0008, 1
         machine.sleep(0.5)
@@ -261,9 +269,16 @@ def test_a_node_that_returns_with_other_stored_mappings_gets_those_of_the_cell_a
         assert device.read(0x1A00, 1) == 0x1001_0008
         boot(machine, "x")
         assert device.read(0x1A00, 1) != 0x1001_0008
+        assert [device.read(*key) for key in MAPPINGS] != before
         assert not witness.energised
         assert_waits_for_reset(machine["x"])
         assert_usable(simulation, machine["x"])
+        machine.sleep(1.0)
+        target = device.read(0x607A)
+    values = load(path).objects["x:607A"].columns["value"]
+    assert values[-1] == target
+    assert max(values) == target
+    assert min(values) == pytest.approx(0, abs=5)
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 8])

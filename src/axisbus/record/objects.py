@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -152,6 +153,7 @@ def _place(cell: CellConfig, where: str) -> tuple[int, int]:
 
 
 _MOST = 100_000  # the most values waiting to be written
+_HELD = 1.0  # seconds that a value waits
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,30 +180,58 @@ class MappedSignal:
 
 
 class MappedObjects:
-    """Extract the values of objects from the frames of the bus; holds those waiting to be written, and their number."""
+    """Extract the values of objects from the frames of the bus; holds those waiting to be written, and their number.
 
-    def __init__(self, session: MachineSession, places: Sequence[MappedSignal]) -> None:
+    A boot-up in a running machine may map an object to another place. A joined program learns of that a little later than it
+    receives the first frames. So ``look`` finds the places again, and a value waits ``_HELD`` before it is written: values of an
+    object that was mapped again are dropped if they still wait.
+    """
+
+    def __init__(self, session: MachineSession, locate: Callable[[], Sequence[MappedSignal]]) -> None:
+        """``locate`` returns the objects that PDOs carry now."""
         self._session = session
-        self.places = tuple(places)
-        self._by_id: dict[int, list[MappedSignal]] = {}
-        for place in self.places:
-            self._by_id.setdefault(place.carried.can_id, []).append(place)
+        self._locate = locate
+        self.places = tuple(locate())
+        self._by_id = _by_id(self.places)
         self._values: deque[tuple[str, float, Value]] = deque(maxlen=_MOST)
         self.counts = {place.label: 0 for place in self.places}
+        self._listens = False
 
     def begin(self) -> None:
         """Start listening."""
+        self._listens = True
         if self._by_id:
             self._session.tap(self._hear, self._by_id)
 
     def end(self) -> None:
         """Stop listening."""
+        self._listens = False
         if self._by_id:
             self._session.untap(self._hear)
 
-    def write(self, write: Callable[[str, float, Value | None], None]) -> None:
-        """Call ``write(label, time, value)`` for every waiting value."""
-        for label, now, value in self._take():
+    def look(self) -> list[str]:
+        """Find the places again; return the objects that have another one. For the thread that writes."""
+        places = tuple(self._locate())
+        if places == self.places:
+            return []
+        before = {place.label: place.carried for place in self.places}
+        now = {place.label: place.carried for place in places}
+        moved = [label for label in before if now.get(label) != before[label]]
+        listens = self._listens
+        if listens:
+            self.end()
+        self.places, self._by_id = places, _by_id(places)
+        kept = [value for value in self._take() if value[0] not in moved]
+        self._values.extendleft(reversed(kept))
+        self.counts |= {label: 0 for label in now if label not in self.counts}
+        if listens:
+            self.begin()
+        return moved
+
+    def write(self, write: Callable[[str, float, Value | None], None], until: float = math.inf) -> None:
+        """Call ``write(label, time, value)`` for every waiting value that came ``_HELD`` before ``until``."""
+        while self._values and self._values[0][1] <= until - _HELD:
+            label, now, value = self._values.popleft()
             write(label, now, value)
             self.counts[label] += 1
 
@@ -215,3 +245,10 @@ class MappedObjects:
                 value = place.value(frame.data)
                 if value is not None:
                     self._values.append((place.label, frame.time, value))
+
+
+def _by_id(places: Sequence[MappedSignal]) -> dict[int, list[MappedSignal]]:
+    found: dict[int, list[MappedSignal]] = {}
+    for place in places:
+        found.setdefault(place.carried.can_id, []).append(place)
+    return found

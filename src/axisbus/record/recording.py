@@ -11,6 +11,7 @@ In virtual time it is a thread of the machine's clock.
 from __future__ import annotations
 
 import logging
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
@@ -51,7 +52,9 @@ class Recording:
         self._target = McapFile(machine, path, axes)
         wanted = [wanted_object(machine, text) for text in texts_of("objects", objects)]
         has_frames = self._session.carried is not None
-        self._mapped = MappedObjects(self._session, _places(machine, wanted) if has_frames else [])
+        self._mapped = MappedObjects(
+            self._session, (lambda: _places(machine, wanted)) if has_frames else list
+        )
         carried = {place.label: place.carried.pdo for place in self._mapped.places}
         self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried], clock)
         self._told = {
@@ -175,7 +178,7 @@ class Recording:
             self._target.write_object(label, now, value)
         if now >= self._due:
             self._due = now + _ROUND
-            self._write_rows()
+            self._write_rows(now)
         if self._target.newest - self._looked >= _LOOK:
             self._write_happenings()
 
@@ -196,12 +199,14 @@ class Recording:
             log.warning("the recording %s has ended: it cannot be written (%s)", self.path, self.failed)
 
     def _write_all(self) -> None:
-        self._write_rows()
+        self._write_rows(math.inf)
         self._write_happenings()
 
-    def _write_rows(self) -> None:
+    def _write_rows(self, until: float) -> None:
         self._target.write_rows([self._rows.popleft() for _ in range(len(self._rows))])
-        self._mapped.write(self._target.write_object)
+        for label in self._mapped.look():
+            self._target.note(f"{label}: its node was booted again, and maps it to another place")
+        self._mapped.write(self._target.write_object, until)
         if self._lost > self._told_lost:
             lost = counted(self._lost - self._told_lost, "cycle is missing", "cycles are missing")
             self._target.note(f"{lost}: not read in time")

@@ -66,8 +66,12 @@ def _of_io(text: str, found: re.Match[str], machine: Watched) -> RecordingTrigge
     wanted = wanted_object(machine, name)
     assert wanted.point is not None
     met = comparison(text, found, _kind(wanted.point), EXAMPLES)
-    carried = machine.node(wanted.node).mapped_in(wanted.index, wanted.subindex)
-    return IoMoment(machine.session, wanted, None if carried is None else MappedSignal(wanted, carried), met)
+
+    def locate() -> MappedSignal | None:
+        carried = machine.node(wanted.node).mapped_in(wanted.index, wanted.subindex)
+        return None if carried is None else MappedSignal(wanted, carried)
+
+    return IoMoment(machine.session, wanted, locate, met)
 
 
 def _kind(point: IoPoint) -> str:
@@ -162,18 +166,19 @@ class IoMoment:
         self,
         session: MachineSession,
         wanted: WantedObject,
-        place: MappedSignal | None,
+        locate: Callable[[], MappedSignal | None],
         met: Callable[[Any], bool],
     ) -> None:
-        """``place``: the location of ``wanted`` in a PDO; ``met`` returns whether a value meets the condition."""
+        """``locate`` returns the present location of ``wanted`` in a PDO; ``met`` whether a value meets the condition."""
         self._session = session
         self._wanted = wanted
-        self._place = place
+        self._locate = locate
+        self._place = locate()
         self._met = met
         self._before: bool | None = None
         self._found: deque[float] = deque(maxlen=_MOST)
         self._since: float | None = None  # the first cycle: earlier ones are not in the file
-        self._taps = place is not None and session.carried is not None
+        self._taps = self._place is not None and session.carried is not None
 
     def begin(self) -> None:
         """As ``RecordingTrigger.begin``."""
@@ -189,6 +194,7 @@ class IoMoment:
 
     def seen(self, now: float, _snapshots: Mapping[str, Snapshot]) -> float | None:
         """As ``RecordingTrigger.seen``: the time of the frame, or of the cycle if there is no frame."""
+        self._look()
         found = self._now()
         self._since = now if self._since is None else self._since
         while self._found and self._found[0] < self._since:
@@ -198,6 +204,15 @@ class IoMoment:
         elif not self._taps and self._rises(found):
             return now
         return self._found.popleft() if self._found and self._found[0] <= now else None
+
+    def _look(self) -> None:
+        """Find the place again: a boot-up in a running machine may change it. The condition must then become false first."""
+        place = self._locate()
+        if place != self._place:
+            self.end()
+            self._place, self._taps = place, place is not None and self._session.carried is not None
+            self._found.clear()
+            self.begin()
 
     def _hear(self, frames: Sequence[CanFrame]) -> None:
         assert self._place is not None
