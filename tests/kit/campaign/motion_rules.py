@@ -22,6 +22,7 @@ _FOREIGN = frozenset({"other_sets_point", "other_takes_velocity"})
 STOPPED_BY_OTHERS = frozenset({"other_shuts_down", "other_quick_stops"})
 # It changes the state of the drive, which forgets its set-point.
 TAKES_SET_POINT = STOPPED_BY_OTHERS | {"other_enables", "other_program"}
+_AT_REST = 4.0  # increments: the window of a measured position
 _WINDOW = 20.0  # increments within which a place is reached
 _OVERSPEED = 1.1  # the ratio that the master takes for noise
 _CYCLES = 5.0  # scan periods in which a guard can do nothing: the feedback, its look, the SYNC after it, the drive's own step
@@ -189,13 +190,25 @@ class Travel:
         brake with the deceleration ``d`` of the quick stop. ``a`` is the commanded torque, less friction, times the
         acceleration per torque. A quick stop on the slow-down ramp (605Ah) has the deceleration 6084h, any other 6085h.
         """
-        drive, facts = self._facts.drive[name], self._facts
-        speed, time = self._blind_speed(name), _CYCLES * facts.scene.period
-        unit = drive.params.acceleration_unit * abs(facts.scale[name])
-        braking = drive.settings.quick_stop_deceleration / unit
+        speed, time = self._blind_speed(name), _CYCLES * self._facts.scene.period
+        return _ROUNDING + speed * time / 2 + speed * speed / (2 * self._braking(name))
+
+    def farther_by_torque(self, name: str) -> float:
+        """Degrees, besides ``reaction``, that a torque takes an axis which stood beyond a limit farther out.
+
+        Derivation. An axis counts as at rest within the window ``w`` of a measured position (docs/stopping.md), so the guard sees
+        it only at the speed ``sqrt(2 a w)``, which adds to that of ``reaction`` and is braked like it.
+        """
+        speed, time = self._blind_speed(name), _CYCLES * self._facts.scene.period
+        more = math.sqrt(2 * speed / time * _AT_REST / abs(self._facts.scale[name]))
+        return more * time + ((speed + more) ** 2 - speed * speed) / (2 * self._braking(name))
+
+    def _braking(self, name: str) -> float:
+        """The deceleration of its quick stop, in deg/s²."""
+        drive, scale = self._facts.drive[name], abs(self._facts.scale[name])
         if drive.settings.quick_stop_option in _ON_SLOW_RAMP:
-            braking = drive.axis.braking(Effort.SLOW) / abs(facts.scale[name])
-        return _ROUNDING + speed * time / 2 + speed * speed / (2 * max(braking, 1.0))
+            return max(drive.axis.braking(Effort.SLOW) / scale, 1.0)
+        return max(drive.settings.quick_stop_deceleration / (drive.params.acceleration_unit * scale), 1.0)
 
     # -- jolts -----------------------------------------------------------------------------------------------------------
 

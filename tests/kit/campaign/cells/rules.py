@@ -452,6 +452,7 @@ class Physics(Travel):
             - 0.5
             + unseen
             + self._step_of_set_points(name)
+            + (self.farther_by_torque(name) if allowed > 0.0 else 0.0)
         )
         text = f"{facts.cell.told(name)}, {beyond:g} norm deg beyond {edges}, {allowed:g} before"
         facts.must(beyond <= allowed + tolerance, "never beyond a limit", text)
