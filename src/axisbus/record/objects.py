@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from axisbus.cell.io_signals import all_points
@@ -179,6 +179,12 @@ class MappedSignal:
         return self.wanted.means(value)
 
 
+def mapped_signal(machine: Watched, wanted: WantedObject) -> MappedSignal | None:
+    """Return the present place of an object in a PDO; None if no PDO carries it."""
+    carried = machine.node(wanted.node).mapped_in(wanted.index, wanted.subindex)
+    return None if carried is None else MappedSignal(wanted, carried)
+
+
 class MappedObjects:
     """Extract the values of objects from the frames of the bus; holds those waiting to be written, and their number.
 
@@ -221,9 +227,11 @@ class MappedObjects:
         if listens:
             self.end()
         self.places, self._by_id = places, _by_id(places)
-        kept = [value for value in self._take() if value[0] not in moved]
-        self._values.extendleft(reversed(kept))
-        self.counts |= {label: 0 for label in now if label not in self.counts}
+        for _ in range(len(self._values)):
+            value = self._values.popleft()
+            if value[0] not in moved:
+                self._values.append(value)
+        self.counts = {**dict.fromkeys(now, 0), **self.counts}
         if listens:
             self.begin()
         return moved
@@ -234,10 +242,6 @@ class MappedObjects:
             label, now, value = self._values.popleft()
             write(label, now, value)
             self.counts[label] += 1
-
-    def _take(self) -> Iterator[tuple[str, float, Value]]:
-        for _ in range(len(self._values)):
-            yield self._values.popleft()
 
     def _hear(self, frames: Sequence[CanFrame]) -> None:
         for frame in frames:

@@ -22,7 +22,14 @@ from axisbus.errors import one_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import ToldObject
-from axisbus.record.objects import MappedObjects, MappedSignal, ObjectReads, WantedObject, wanted_object
+from axisbus.record.objects import (
+    MappedObjects,
+    MappedSignal,
+    ObjectReads,
+    WantedObject,
+    mapped_signal,
+    wanted_object,
+)
 from axisbus.record.output_file import McapFile, Row, texts_of
 from axisbus.wording import counted
 
@@ -219,5 +226,5 @@ class Recording:
 
 def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[MappedSignal]:
     """Return the locations of the objects that PDOs carry."""
-    found = [(one, machine.node(one.node).mapped_in(one.index, one.subindex)) for one in wanted]
-    return [MappedSignal(one, carried) for one, carried in found if carried is not None]
+    found = [mapped_signal(machine, one) for one in wanted]
+    return [signal for signal in found if signal is not None]

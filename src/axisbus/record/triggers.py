@@ -17,7 +17,7 @@ from axisbus.motion.states import AxisState
 from axisbus.record.columns import COLUMNS, NAMES, AxisForm
 from axisbus.record.condition import Condition, Values, comparison, condition
 from axisbus.record.events import Watched
-from axisbus.record.objects import MappedSignal, WantedObject, wanted_object
+from axisbus.record.objects import MappedSignal, WantedObject, mapped_signal, wanted_object
 from axisbus.record.sample_packing import sample_of
 from axisbus.session import MachineSession
 
@@ -66,12 +66,7 @@ def _of_io(text: str, found: re.Match[str], machine: Watched) -> RecordingTrigge
     wanted = wanted_object(machine, name)
     assert wanted.point is not None
     met = comparison(text, found, _kind(wanted.point), EXAMPLES)
-
-    def locate() -> MappedSignal | None:
-        carried = machine.node(wanted.node).mapped_in(wanted.index, wanted.subindex)
-        return None if carried is None else MappedSignal(wanted, carried)
-
-    return IoMoment(machine.session, wanted, locate, met)
+    return IoMoment(machine.session, wanted, lambda: mapped_signal(machine, wanted), met)
 
 
 def _kind(point: IoPoint) -> str:
