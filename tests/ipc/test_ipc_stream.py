@@ -17,7 +17,8 @@ import pytest
 
 from axisbus.ipc import stream as stream_module
 from axisbus.ipc.own_socket import FarEnd, inode_of
-from axisbus.ipc.stream import MessageRate, MessageStream
+from axisbus.ipc.rate import Bucket
+from axisbus.ipc.stream import MessageStream
 
 
 def packed(message: object) -> bytes:
@@ -208,9 +209,7 @@ def test_a_far_end_that_its_process_has_lost_is_seen_though_a_copy_is_open():
 
 
 def test_a_rate_permits_a_burst_then_a_message_at_a_time_and_a_burst_again_after_a_pause():
-    rate = MessageRate(3, 0.1, now=10.0)
-    assert [rate.take(10.0) for _ in range(4)] == [2.0, 1.0, 0.0, -1.0]
-    rate.give_back()  # the fourth was not sent
-    assert rate.take(10.1) == pytest.approx(0.0)
-    assert rate.take(10.1) < 0.0
-    assert rate.take(20.0) == 2.0
+    rate = Bucket(rate=8.0, burst=3.0)
+    assert [rate.take(10.0) for _ in range(4)] == [True, True, True, False]
+    assert [rate.take(10.125) for _ in range(2)] == [True, False]
+    assert [rate.take(20.0) for _ in range(4)] == [True, True, True, False]

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.client_support.rate import Bucket
+from axisbus.ipc.rate import Bucket
 from axisbus.web.access import limits
 from axisbus.web.access.admission import AccessRefused, AdmissionRequest, Entered, ServedOrigin, decide
 from axisbus.web.access.limits import FOREIGN_MESSAGE, SOCKETS, SOCKETS_ALWAYS, SOCKETS_OF_BROWSER

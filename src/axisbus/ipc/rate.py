@@ -6,6 +6,11 @@ import math
 from dataclasses import dataclass, field
 
 RATE, BURST = 60.0, 120.0  # messages per second, and at once: a client that jogs sends 20 per second
+CORE_RATE, CORE_BURST = 500.0, 200.0  # the same, that a core accepts from a program that has joined
+COMMAND_RATE, COMMAND_BURST = (
+    400.0,
+    150.0,
+)  # commands of such a program: fewer, so that a stop never waits behind them
 
 
 @dataclass(slots=True)

@@ -29,27 +29,6 @@ _READ = 1 << 16
 _SLICE = 0.1  # seconds
 
 
-class MessageRate:
-    """A limit of the rate of messages, with a burst; holds how many may come at once. For one thread."""
-
-    def __init__(self, burst: int, spacing: float, now: float) -> None:
-        """``burst``: messages that may come at once; ``spacing``: seconds between two messages in the long run."""
-        self._burst = burst
-        self._spacing = spacing
-        self._left = float(burst)
-        self._at = now
-
-    def take(self, now: float) -> float:
-        """Count a message at ``now`` in seconds, and return how many may still come at once; negative: it is too fast."""
-        self._left = min(self._burst, self._left + (now - self._at) / self._spacing) - 1.0
-        self._at = now
-        return self._left
-
-    def give_back(self) -> None:
-        """Do not count the last message, because it was not sent."""
-        self._left += 1.0
-
-
 class MessageStream:
     """One end of a connection; holds the queue. ``send`` is for any thread, ``messages`` for one."""
 

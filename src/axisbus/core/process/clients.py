@@ -49,7 +49,8 @@ from axisbus.core.process.publisher import Publisher
 from axisbus.errors import AxisbusError, OwnershipError, StateError
 from axisbus.errors import Stopped as StoppedError
 from axisbus.ipc import messages as m
-from axisbus.ipc.stream import MessageRate, MessageStream
+from axisbus.ipc.rate import CORE_BURST, CORE_RATE, Bucket
+from axisbus.ipc.stream import MessageStream
 from axisbus.link import StopResult
 from axisbus.motion import commands as c
 from axisbus.motion.command_status import ENDED, Status
@@ -64,8 +65,6 @@ _MOST = 16  # joined programs
 _MOST_STOPS = 64  # stop requests that wait for their result at the same time
 _HOUSE = 1 << 20  # the place of commands that come from no client
 _LARGEST = 1 << 18  # bytes of a joined program's message
-SPACING = 0.002  # seconds between two messages of a joined program, after a burst
-BURST = 200  # messages
 _SHAKE = struct.pack("ll", 5, 0)  # 5 s for the first message, and for sending to the program
 _FOR_EVER = struct.pack("ll", 0, 0)
 _MARGIN = 2.0  # seconds in addition to the stop sequences
@@ -456,10 +455,9 @@ class Guests:
 
 def _read(desk: ClientHandler, messages: map[object]) -> None:
     """Execute a joined program's messages, at a limited rate, until it leaves or sends an invalid one."""
-    rate = MessageRate(BURST, SPACING, time.monotonic())
+    rate = Bucket(CORE_RATE, CORE_BURST)
     for message in messages:
-        left = rate.take(time.monotonic())
         if not desk.take(message) or isinstance(message, m.Leave):
             return
-        if left < 0.0:
-            time.sleep(SPACING)
+        while not rate.take(time.monotonic()):
+            time.sleep(1.0 / CORE_RATE)

@@ -28,7 +28,7 @@ from axisbus.ipc import messages as m
 from axisbus.ipc.frames import unpacked
 from axisbus.ipc.image import ImageReader
 from axisbus.ipc.io_image import IoImage
-from axisbus.ipc.stream import MessageRate
+from axisbus.ipc.rate import COMMAND_BURST, COMMAND_RATE, Bucket
 from axisbus.motion.command_status import ENDED, Status
 from axisbus.motion.io import IoReading
 from axisbus.motion.snapshot import Snapshot
@@ -48,16 +48,13 @@ log = logging.getLogger("axisbus")
 _ERRORS = 64  # of each axis, which are stored
 _PATIENCE = 0.5  # seconds within which an error must follow its number
 _GONE = "the core of this machine has ended"
-# Commands of a program that has joined: fewer than the core accepts, so that a stop never waits behind them (``clients.SPACING``).
-_BURST = 150
-_SPACING = 0.0025  # seconds
 
 
 def _too_fast(what: str) -> StateError:
     return StateError(
         f"{what}: this program gives commands too fast",
-        observed=f"a program that has joined may give {_BURST} commands at once, and {1 / _SPACING:.0f} per second; stops are "
-        "always accepted",
+        observed=f"a program that has joined may give {COMMAND_BURST:g} commands at once, and {COMMAND_RATE:g} per second; "
+        "stops are always accepted",
         remedy="wait for the handles of commands before you give more, and add a short sleep to a loop that gives commands",
     )
 
@@ -129,7 +126,7 @@ class RemoteSession:
         self._busy: dict[int, str] = {}
         self._asked: tuple[float, str] | None = None  # the stop requested by this program
         self._inherited = False
-        self._rate = MessageRate(_BURST, _SPACING, time.monotonic()) if joined else None
+        self._rate = Bucket(COMMAND_RATE, COMMAND_BURST) if joined else None
         self._rating = threading.RLock()  # re-entrant: a signal handler may give a command in here
 
     # -- state of the core ---------------------------------------------------------------------------------------------
@@ -273,10 +270,7 @@ class RemoteSession:
         if self._rate is None:
             return False
         with self._rating:
-            left = self._rate.take(time.monotonic())
-            if left < 0.0:
-                self._rate.give_back()
-        return left < 0.0
+            return not self._rate.take(time.monotonic())
 
     def listen(self, hear: Callable[[CommandEvent], None]) -> None:
         """As ``AxisSession.listen``; in the thread that delivers events."""

@@ -15,7 +15,6 @@ from typing import NamedTuple
 
 import zenoh
 
-from axisbus.client_support.rate import Bucket
 from axisbus.errors import AxisbusError, said_of
 from axisbus.gateway.ros.messages import (
     JOINT_STATE,
@@ -29,6 +28,7 @@ from axisbus.gateway.ros.messages import (
 from axisbus.gateway.ros.names import PUBLISHER, SUBSCRIPTION, RosNode, Topic, gid_of
 from axisbus.gateway.ros.trajectory_executor import Commander
 from axisbus.gateway.ros.units import JointUnit, joints_of
+from axisbus.ipc.rate import Bucket
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import Units
 from axisbus.motion.snapshot import Snapshot

@@ -12,7 +12,6 @@ from typing import Generic, TypeVar
 
 from axisbus.client_support.dead_man import SILENCE, DeadMan
 from axisbus.client_support.merged_stops import MergedStops
-from axisbus.client_support.rate import Bucket
 from axisbus.errors import ArgumentError, AxisbusError, Replaced, StateError
 from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk
 from axisbus.gateway.zenoh.command_table import JOG, STOPS, BridgeAction, act_of
@@ -26,6 +25,7 @@ from axisbus.gateway.zenoh.execute import (
     stop,
 )
 from axisbus.gateway.zenoh.lease_manager import Holding
+from axisbus.ipc.rate import Bucket
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 

@@ -1,4 +1,4 @@
-"""Limits for browsers: the size of messages (rate: ``client_support.rate``), the number of sockets; stops are not counted."""
+"""Limits for browsers: the size of messages (rate: ``ipc.rate``), the number of sockets; stops are not counted."""
 
 from __future__ import annotations
 

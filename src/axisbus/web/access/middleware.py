@@ -9,7 +9,7 @@ from html import escape
 from typing import Any, Protocol
 from urllib.parse import parse_qs
 
-from axisbus.client_support.rate import Bucket
+from axisbus.ipc.rate import Bucket
 from axisbus.web.access.admission import AccessRefused, AdmissionRequest, Entered, ServedOrigin, decide
 from axisbus.web.access.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, most_bytes
 from axisbus.web.access.tokens import NOWHERE, PageSession, PageSessions, origin_of

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 
 from axisbus.client_support.dead_man import DeadMan
 from axisbus.client_support.merged_stops import MergedStops
-from axisbus.client_support.rate import Bucket
 from axisbus.errors import AxisbusError, Interrupted, Replaced, seen_of
+from axisbus.ipc.rate import Bucket
 from axisbus.machine.handle import Handle, look_at_end
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
