@@ -10,25 +10,48 @@ exceeds that of the promptest messages by more than 0.2 s is ignored for the sam
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 SILENCE = 0.2  # seconds
-_DRIFT = 0.001  # seconds per second: the drift assumed between the clocks of page and server
+_DRIFT = 0.001  # seconds per second: the drift assumed between two clocks
+
+
+@dataclass(frozen=True, slots=True)
+class MessageLag:
+    """How long the promptest messages of a sender took, which includes the difference of both clocks; times are in seconds.
+
+    ``most``: the largest drift of the clocks that is assumed between two messages, however long the pause between them.
+    """
+
+    most: float = math.inf
+    shortest: float | None = None
+    at: float = 0.0
+
+    def told(self, sent: float, now: float) -> MessageLag:
+        """Account for a message sent at ``sent`` by the sender's clock: the promptest messages show the offset of the clocks."""
+        lag = now - sent
+        if self.shortest is not None:
+            lag = min(lag, self.shortest + min(self.most, _DRIFT * max(0.0, now - self.at)))
+        return replace(self, shortest=lag, at=now)
+
+    def lateness(self, sent: float, now: float) -> float:
+        """Return how much longer than the promptest messages a message took, in seconds; ``told`` must have been called for it."""
+        return 0.0 if self.shortest is None else now - sent - self.shortest
 
 
 @dataclass(frozen=True, slots=True)
 class DeadMan:
-    """The held jog, if any: ``axis`` and ``direction`` are set while a button is held. ``heard`` and ``shortest`` are in seconds.
+    """The held jog, if any: ``axis`` and ``direction`` are set while a button is held.
 
-    ``heard`` is the time of the last accepted message; ``shortest`` is the smallest lag that was seen.
+    ``heard`` is the time of the last accepted message, in seconds.
     """
 
     axis: str = ""
     direction: float = 0.0
     press: int = 0  # the newest press received, whether its button is still held or not
     heard: float = 0.0
-    shortest: float | None = None
-    at: float = 0.0
+    lag: MessageLag = MessageLag()
 
     @property
     def held(self) -> bool:
@@ -40,10 +63,8 @@ class DeadMan:
         return self.held and self.press == press
 
     def told(self, sent: float, now: float) -> DeadMan:
-        """Account for a message that the page sent at its time ``sent``: the promptest messages show the offset of the clocks."""
-        lag = now - sent
-        known = lag if self.shortest is None else min(lag, self.shortest + _DRIFT * max(0.0, now - self.at))
-        return replace(self, shortest=known, at=now)
+        """Account for a message that the page sent at its time ``sent``."""
+        return replace(self, lag=self.lag.told(sent, now))
 
     def beaten(self, press: int, axis: str, direction: float, sent: float, now: float) -> DeadMan:
         """Account for a message of a press; if nothing is held in the result, the message was too late or its press has ended."""
@@ -56,8 +77,8 @@ class DeadMan:
         return replace(after, axis=axis, direction=direction, press=press, heard=now)
 
     def lateness(self, sent: float, now: float) -> float:
-        """Return how much longer than the promptest messages a message took, in seconds; ``told`` must have been called for it."""
-        return 0.0 if self.shortest is None else now - sent - self.shortest
+        """As ``MessageLag.lateness``."""
+        return self.lag.lateness(sent, now)
 
     def silent(self, now: float) -> bool:
         """Whether a button is held and the last message is more than 0.2 s old."""

@@ -13,7 +13,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from axisbus.client_support.dead_man import DeadMan
+from axisbus.client_support.dead_man import MessageLag
 from axisbus.fleet.messages import (
     PROTOCOL,
     AxisInfo,
@@ -64,7 +64,7 @@ class CellWatch:
         self.run = ""  # the run of the bridge whose messages count
         self.log = EventLog()
         self.clock_difference: float | None = None
-        self._lag = DeadMan()  # of its messages, as of a page that jogs
+        self._lag = MessageLag()
         self._states: dict[str, _Heard] = {}
         self._over: dict[str, None] = {}  # runs that are over, oldest first
         self._bridges: dict[str, float] = {}  # the bridges that are present, and since when
@@ -75,7 +75,9 @@ class CellWatch:
         """Note that the cell's liveliness token has appeared or disappeared."""
         if there != self.alive:
             self.alive, self.since = there, now
-            self._lag = DeadMan()  # it may be reached by another way, and its clock may have stood still
+            self._lag = (
+                MessageLag()
+            )  # its messages may take another route now, and its clock may have stopped
             self.informed = False  # it may be another machine, with a changed cell file
             self.log.doubt()
 
@@ -129,7 +131,7 @@ class CellWatch:
             del self._over[next(iter(self._over))]
         self.run = run
         self._states.clear()
-        self._lag = DeadMan()
+        self._lag = MessageLag()
         self.info, self.informed = None, False
         self.log.begin(run)
         return True

@@ -22,6 +22,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import NamedTuple
 
+from axisbus.client_support.dead_man import MessageLag
 from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, StateError, Stopped
 from axisbus.gateway.ros.messages import Attachment, attachment_of, trajectory_of
@@ -256,7 +257,6 @@ def _told(wanted: RosTrajectory) -> str:
 HELD_UP = 1.0  # seconds
 AGAIN = 1.0  # seconds
 STOOD = 0.5  # seconds without a call of ``beat``
-_DRIFT = 0.001  # seconds per second: the drift assumed between the clocks of publisher and bridge
 _MESSAGE_FRESHNESS_MOST = 256  # the most remembered publishers
 _REMEDY = "send it again, with another number"
 
@@ -264,12 +264,7 @@ _REMEDY = "send it again, with another number"
 @dataclass(slots=True)
 class _Known:
     number: int
-    quickest: float  # seconds, including the difference of the clocks
-    at: float  # the time of the last message
-
-    def quickest_at(self, now: float) -> float:
-        """Return the shortest time of a message, with the drift since the last message: at most ``HELD_UP``, however long ago."""
-        return self.quickest + min(HELD_UP, _DRIFT * max(0.0, now - self.at))
+    lag: MessageLag
 
 
 class Freshness:
@@ -292,11 +287,11 @@ class Freshness:
         Raises:
             StateError: the message is not fresh.
         """
-        way = now - attachment.sent / 1e9
+        number, sent = attachment.number, attachment.sent / 1e9
         known = self._known.get(attachment.gid)
-        number, quickest = attachment.number, way if known is None else min(way, known.quickest_at(now))
+        lag = (MessageLag(most=HELD_UP) if known is None else known.lag).told(sent, now)
         newest = max(number, number if known is None else known.number)
-        self._note(attachment.gid, _Known(newest, quickest, now))
+        self._note(attachment.gid, _Known(newest, lag))
         if now - self._beat > STOOD or now < self._from:
             raise StateError(
                 "a trajectory arrived while the bridge was suspended",
@@ -308,10 +303,11 @@ class Freshness:
                 observed=f"its number is {number}, and {known.number} had arrived before",
                 remedy=_REMEDY,
             )
-        if way - quickest > HELD_UP:
+        late = lag.lateness(sent, now)
+        if late > HELD_UP:
             raise StateError(
                 "a trajectory arrived too late",
-                observed=f"it was {way - quickest:.3f} s slower than other messages of its sender",
+                observed=f"it was {late:.3f} s slower than other messages of its sender",
                 remedy=_REMEDY,
             )
 

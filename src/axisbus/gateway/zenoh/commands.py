@@ -10,7 +10,7 @@ from collections.abc import Callable, Collection, Hashable
 from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
-from axisbus.client_support.dead_man import SILENCE, DeadMan
+from axisbus.client_support.dead_man import SILENCE, DeadMan, MessageLag
 from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import ArgumentError, AxisbusError, Replaced, StateError
 from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk
@@ -233,7 +233,7 @@ _AGAIN = "release the button, and press it again"
 class _Presses:
     """The buttons of one client: by axis, whether each is held, and its last jog. ``lag`` is that of all of its messages."""
 
-    lag: DeadMan = field(default_factory=DeadMan)
+    lag: MessageLag = field(default_factory=MessageLag)
     held: dict[str, tuple[DeadMan, Handle | None]] = field(default_factory=dict)
 
 
@@ -257,7 +257,7 @@ class Jogs:
         broken = self._broken(last)
         same = before.is_held_by(values["press"])
         deadman = before.ended() if same and broken is not None else before
-        deadman = replace(deadman, shortest=lag.shortest, at=lag.at)
+        deadman = replace(deadman, lag=lag)
         after = deadman.beaten(values["press"], axis, direction, values["sent"], now)
         over = same and broken is not None
         if over or not after.held:

@@ -79,7 +79,7 @@ class Trials:
         if not ask.sure:
             self._news[page] = {"question": text, "press": ask.press}
             return
-        hold = DeadMan(shortest=clock.shortest, at=clock.at).beaten(ask.press, name, 1.0, ask.sent, now)
+        hold = DeadMan(lag=clock.lag).beaten(ask.press, name, 1.0, ask.sent, now)
         if not hold.held:
             raise StateError(
                 "the confirmation of a trial came too late: nothing moves", remedy="try it again"
