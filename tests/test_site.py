@@ -91,3 +91,46 @@ def test_an_unlisted_page_is_in_the_navigation(tmp_path):
     assert "\nguide\n" in guide
     assert ":caption: Further\n\nnews\n" in further
     assert "\ndecisions/two\n" in how
+
+
+def published(folder, *versions):
+    """Publish a page of each version in turn; return what was printed to standard error."""
+    program = "import sys, pathlib, published; published.publish(pathlib.Path(sys.argv[1]), pathlib.Path(sys.argv[2]), sys.argv[3])"
+    for version in versions:
+        built = folder / "html"
+        built.mkdir(exist_ok=True)
+        (built / "index.html").write_text(f"the site of {version}", encoding="utf-8")
+        ran = subprocess.run(
+            [sys.executable, "-c", program, str(built), str(folder / "site"), version],
+            env={**os.environ, "PYTHONPATH": str(SITE)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        if ran.returncode:
+            return ran.stderr
+    return ""
+
+
+def test_a_published_site_lists_releases_before_pre_releases_and_the_newest_first(tmp_path):
+    (tmp_path / "site" / "pictures").mkdir(parents=True)
+    (tmp_path / "site" / "pictures" / "index.html").write_text("no version", encoding="utf-8")
+    assert not published(tmp_path, "0.9.0", "0.10.0", "1.0.0rc1", "0.9.0")
+    listed = (tmp_path / "site" / "versions.js").read_text(encoding="utf-8")
+    assert listed == 'axisbusVersions(["0.10.0", "0.9.0", "1.0.0rc1"]);\n'
+    assert "url=0.10.0/index.html" in (tmp_path / "site" / "index.html").read_text(encoding="utf-8")
+    assert (tmp_path / "site" / "pictures" / "index.html").read_text(encoding="utf-8") == "no version"
+    assert checked(tmp_path / "site").returncode == 0
+
+
+def test_a_published_version_is_replaced_whole_and_a_wrong_one_is_refused(tmp_path):
+    assert not published(tmp_path, "1.0.0")
+    (tmp_path / "site" / "1.0.0" / "gone.html").write_text("of the first build", encoding="utf-8")
+    assert not published(tmp_path, "1.0.0")
+    assert [each.name for each in (tmp_path / "site" / "1.0.0").iterdir()] == ["index.html"]
+    assert "InvalidVersion" in published(tmp_path, "../elsewhere")
+    assert sorted(each.name for each in (tmp_path / "site").iterdir()) == [
+        "1.0.0",
+        "index.html",
+        "versions.js",
+    ]
