@@ -98,22 +98,25 @@ class _New:
         self.since = time.monotonic()
         self._said = b""
 
-    def hear(self) -> Caller | None:
-        """Return the caller when its message is complete; raises OSError or ValueError if it is gone or sends something else."""
-        part = self.line.recv(_READ if self._said else 1)
-        if not part:
-            raise ConnectionResetError
-        self._said += part
-        if self._said == _STOPS:
-            return None
-        if self._said == _JOINS:
-            return self._caller(None)
-        if self._said[:1] != _STOPS:
-            raise ValueError(self._said[:1])
-        said = self._said[1:]
-        if len(said) < _LENGTH.size or len(said) < (end := _LENGTH.size + _LENGTH.unpack_from(said)[0]):
-            return None
-        return self._caller(StopRequest.read(said[_LENGTH.size : end]))
+    def hear(self) -> Caller:
+        """Return the caller when its message is complete.
+
+        Raises:
+            BlockingIOError: it is not complete yet.
+            OSError, ValueError: the program is gone, or sends something else.
+        """
+        while part := self.line.recv(_READ if self._said else 1):
+            self._said += part
+            if self._said == _JOINS:
+                return self._caller(None)
+            if self._said[:1] != _STOPS:
+                raise ValueError(self._said[:1])
+            said = self._said[1:]
+            if len(said) >= _LENGTH.size and len(said) >= (
+                end := _LENGTH.size + _LENGTH.unpack_from(said)[0]
+            ):
+                return self._caller(StopRequest.read(said[_LENGTH.size : end]))
+        raise ConnectionResetError
 
     def _caller(self, stop: StopRequest | None) -> Caller:
         self.line.setblocking(True)
@@ -128,12 +131,30 @@ class ClientListener:
         self._listening = listening
         self._listening.setblocking(False)
         self._new: dict[int, _New] = {}
+        self._early: list[Caller] = []  # programs that join, found by ``first_stop``
         self._poll = select.poll()
         self._poll.register(listening, select.POLLIN)
         self._open = True
 
+    def first_stop(self) -> Caller | None:
+        """Return a program that has requested a quick stop so far, None if there is none; does not block.
+
+        For a core that is not open yet; ``callers`` yields the other programs when it is.
+        """
+        while len(self._new) < _MOST_NEW and self._take_in():
+            pass
+        for new in list(self._new.values()):
+            caller = self._hear(new)
+            if caller is not None and caller.stop is not None and caller.stop.quick:
+                return caller
+            if caller is not None:
+                self._early.append(caller)
+        return None
+
     def callers(self) -> Iterator[Caller]:
         """Yield each program that has sent its purpose, until ``close``; blocks in between."""
+        while self._early:
+            yield self._early.pop(0)
         while self._open:
             ready = {number for number, _ in self._poll.poll(_ROUND)}
             for number in ready & self._new.keys():
@@ -144,19 +165,26 @@ class ClientListener:
             if self._listening.fileno() in ready:
                 self._take_in()
                 time.sleep(_PAUSE)
+        self.dismiss()
+
+    def dismiss(self) -> None:
+        """Disconnect all programs that ``callers`` has not yielded."""
         for new in list(self._new.values()):
             self._send_away(new)
+        while self._early:
+            self._early.pop().line.close()
 
     def close(self) -> None:
         """Admit no more programs."""
         self._open = False
 
-    def _take_in(self) -> None:
+    def _take_in(self) -> bool:
+        """Accept programs; return whether more may be waiting."""
         for _ in range(_BATCH):
             try:
                 line, _ = self._listening.accept()
             except OSError:
-                return
+                return False
             process, user, _ = peer_of(line)
             if user not in (os.geteuid(), _ROOT):
                 line.close()
@@ -166,6 +194,7 @@ class ClientListener:
             self._poll.register(line, select.POLLIN)
             if len(self._new) > _MOST_NEW:
                 self._send_away(next(iter(self._new.values())))
+        return True
 
     def _hear(self, new: _New) -> Caller | None:
         try:
@@ -175,8 +204,7 @@ class ClientListener:
         except (OSError, ValueError):
             self._send_away(new)
             return None
-        if caller is not None:
-            self._forget(new)
+        self._forget(new)
         return caller
 
     def _send_away_late(self) -> None:

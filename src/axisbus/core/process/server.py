@@ -102,7 +102,7 @@ class CoreServer:
         self._watchdog = watchdog
         self._drives = drives
         self._who = who
-        self._listening = listening
+        self._door = None if listening is None else ClientListener(listening)
         self._ear: SignalForwarder | None = None
         self._in_cells = False
         self._lifeline: Lifeline | None = None
@@ -132,6 +132,8 @@ class CoreServer:
             self._leave("the program has ended")
             if self._core is not None:
                 self._left.wait()
+            if self._guests is None and self._door is not None:
+                self._door.dismiss()
             self._stream.close(_FAREWELL)
             if self._deaf is not None and self._deaf == os.getppid():
                 os.kill(self._deaf, signal.SIGKILL)  # otherwise the program would wait for its end
@@ -187,8 +189,19 @@ class CoreServer:
         if self._ends_because is not None:
             self._leave(self._ends_because)
 
-    def _require_both(self) -> None:
-        """Check that the program, and the watchdog process, still run, before a drive can be commanded."""
+    def _require_wanted(self) -> None:
+        """Check that the machine is still to be opened: the program and the watchdog process run, and nobody has requested a stop.
+
+        A stop that was requested during opening has stopped the drives on the bus; a program that runs after it would move them.
+        """
+        stop = None if self._door is None else self._door.first_stop()
+        if stop is not None:
+            stop.line.close()  # the program that waits for an answer then stops the drives on the bus
+            raise StateError(
+                "the machine was not opened: axes were to be stopped meanwhile",
+                observed=f"process {stop.process} requested it, as axisbus stop does",
+                remedy="open the machine again when it may move",
+            )
         if self._ends_because is not None:
             raise ScanError(
                 f"the machine was not opened: {self._ends_because}",
@@ -197,6 +210,7 @@ class CoreServer:
 
     def _begin(self, cell: CellConfig, dictionaries: Mapping[int, Eds], wanted: m.OpenCell) -> None:
         self._await_watchdog()
+        self._require_wanted()
         gc.collect()  # now, because after boot-up the drives and the master monitor each other's heartbeats
         link = CanLink(cell, dictionaries, channel=reach(cell, self._drives))
         runtime = Runtime(link, sorted(cell.nodes), link.stand_ins)
@@ -225,7 +239,7 @@ class CoreServer:
         core.begin(self._joined)
         core.await_values()
         core.session.observe(IdleCollector(cell.bus.scan_period).after_cycle)
-        self._require_both()
+        self._require_wanted()
         self._stage(CoreStage.RUNNING)
         self._let_in(wanted.cell)
         self._stream.send(self._opened())
@@ -279,9 +293,8 @@ class CoreServer:
     def _let_in(self, cell: str) -> None:
         """Begin to admit other programs."""
         assert self._clients is not None
-        if self._listening is not None:
-            door = ClientListener(self._listening)
-            self._guests = Guests(door, self._clients, self._image, self._opened, text_of(cell))
+        if self._door is not None:
+            self._guests = Guests(self._door, self._clients, self._image, self._opened, text_of(cell))
             self._guests.start()
 
     def _facts(self, node_id: int, booted: Booted) -> m.NodeFacts:
