@@ -252,13 +252,13 @@ class CoreServer:
                 "the watchdog process of the core has ended",
                 remedy="open the machine again; check the computer's memory",
             )
+        self._watchdog.settimeout(BEAT)
         threading.Thread(target=self._monitor_watchdog, name="axisbus watchdog", daemon=True).start()
 
     def _monitor_watchdog(self) -> None:
         """Leave when the watchdog process has ended, or does not run."""
         watchdog = os.getppid()
         watch = WatchdogProcessMonitor(time.monotonic(), partial(state_of, watchdog))
-        self._watchdog.settimeout(BEAT)
         while not self._left.is_set():
             came = self._came()
             why = _WATCHDOG_GONE if came is None else watch.look(time.monotonic(), came)
