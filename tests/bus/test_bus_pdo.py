@@ -169,6 +169,46 @@ def test_a_drive_that_takes_nothing_is_used_as_it_is(sdo: SdoClient, slave: Slav
     assert {pdo.change for pdo in plan.pdos} == {PdoChange.KEEP}
 
 
+def takes_types(slave: Slave, *taken: int, indices: tuple[int, ...]) -> None:
+    """Let the drive refuse all transmission types of these PDOs but some."""
+    original = slave._write
+
+    def write(index: int, subindex: int, value: bytes) -> int:
+        refused = index in indices and subindex == 2 and value[0] not in taken
+        return 0x0609_0030 if refused else original(index, subindex, value)
+
+    slave._write = write  # type: ignore[method-assign]
+
+
+def test_an_rpdo_that_does_not_take_every_sync_is_synchronous_by_type_0(sdo: SdoClient, slave: Slave) -> None:
+    takes_types(slave, 0, 254, 255, indices=(0x1400, 0x1401))
+    plan = configure(sdo, PAIR)
+    assert set(plan.outputs.values()) | set(plan.inputs.values()) == {ValueTransport.SYNC_PDO}
+    assert [slave.number(index, 2) for index in (0x1400, 0x1800)] == [0, 1]
+    assert any("RPDO1 does not accept transmission type 1" in note for note in plan.notes)
+
+
+@pytest.mark.parametrize(
+    ("indices", "outputs", "inputs"),
+    [
+        ((0x1400, 0x1401), ValueTransport.EVENT_PDO, ValueTransport.SYNC_PDO),
+        ((0x1800, 0x1801), ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO),
+    ],
+)
+def test_refused_transmission_types_of_one_direction_do_not_cost_the_other_its_sync(
+    sdo: SdoClient,
+    slave: Slave,
+    indices: tuple[int, ...],
+    outputs: ValueTransport,
+    inputs: ValueTransport,
+) -> None:
+    takes_types(slave, 255, indices=indices)
+    plan = configure(sdo, PAIR)
+    assert set(plan.outputs.values()) == {outputs}
+    assert set(plan.inputs.values()) == {inputs}
+    assert all(pdo.target.mapping for pdo in plan.active)
+
+
 def keeps_its_pdos(slave: Slave, *, timer: bool) -> None:
     """Let the drive refuse every change of its PDOs but that of TPDO1's event timer (or that too), which is slow."""
     slave.objects[0x1800, 5] = (1000).to_bytes(2, "little")

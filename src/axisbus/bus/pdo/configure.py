@@ -3,9 +3,9 @@
 Theory of operation
 -------------------
 ``configure`` reads the present PDOs, makes a plan, and applies it. If the drive refuses a step, the next plan takes the refusal
-into account: an object that cannot be mapped is left out, and a mapping or communication parameters that cannot be changed stay as
-they are. Before every new attempt the old parameters are restored in the drive, so that a refusal half-way never leaves a PDO
-switched off.
+into account: an object that cannot be mapped is left out; RPDOs that do not take transmission type 1 get 0, which is synchronous
+too; and types, mappings or communication parameters that cannot be changed stay as they are. Before every new attempt the old
+parameters are restored in the drive, so that a refusal half-way never leaves a PDO switched off.
 """
 
 from __future__ import annotations
@@ -32,6 +32,9 @@ _STEP = "PDO configuration"
 _OBJECT_REFUSED = frozenset({0x0602_0000, 0x0604_0041, 0x0604_0043, 0x0609_0011, 0x0609_0030})
 
 
+_RPDO_PARAMETERS = range(o.RPDO_COMMUNICATION, o.RPDO_COMMUNICATION + 512)
+_TPDO_PARAMETERS = range(o.TPDO_COMMUNICATION, o.TPDO_COMMUNICATION + 512)
+_ACYCLIC = 0  # transmission type: synchronous, at no fixed number of SYNCs
 _ATTEMPTS = 16
 _MAPPING = "its mapping"
 # Keys of the cell file for communication parameters.
@@ -179,11 +182,29 @@ def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
     about_object = refusal.abort.code in _OBJECT_REFUSED and refusal.index not in policy.refused
     if refusal.index is not None and about_object:
         return replace(policy, refused=policy.refused | {refusal.index})
+    if refusal.abort.subindex == o.PDO_TRANSMISSION_TYPE and (
+        less := _without_type(policy, refusal.abort.index)
+    ):
+        return less
     if policy.remap:
         return replace(policy, remap=False)
     if policy.communication:
         return replace(policy, communication=False)
     raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
+
+
+def _without_type(policy: Policy, index: int) -> Policy | None:
+    """Return the policy after a refused transmission type; None if ``index`` is no PDO, or its type was to stay already.
+
+    A drive that refuses the type of one PDO refuses it for all of that direction.
+    """
+    if index in _RPDO_PARAMETERS and policy.receive != _ACYCLIC:
+        return replace(policy, receive=_ACYCLIC)
+    for receive, parameters in ((True, _RPDO_PARAMETERS), (False, _TPDO_PARAMETERS)):
+        all_of_them = frozenset((receive, number) for number in range(1, len(parameters) + 1))
+        if index in parameters and not all_of_them <= policy.fixed:
+            return replace(policy, fixed=policy.fixed | all_of_them)
+    return None
 
 
 # -- applying ---------------------------------------------------------------------------------------------------------------------

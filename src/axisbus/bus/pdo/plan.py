@@ -73,11 +73,12 @@ class Policy:
     - ``refused``: indices that the drive refused to map.
     - ``taken``: COB-IDs of other nodes.
     - ``spare``: COB-IDs available to PDOs after the fourth.
-    - ``fixed``: PDOs (whether receive, number) whose transmission type the user has set; it is not changed.
+    - ``fixed``: PDOs (whether receive, number) whose transmission type stays: the user has set it, or the drive has refused one.
     - ``timed``: numbers of TPDOs whose event timer the user has set; it is not changed.
     - ``requests``: numbers of TPDOs that the master requests by remote frames, each with its period in seconds; no other TPDO is
       requested.
     - ``slow``: transmission type (number of SYNCs) of a TPDO that carries nothing of ``EVERY_SYNC``.
+    - ``receive``: transmission type of a synchronous RPDO. 0 to 240 are alike: the next SYNC applies its data (CiA 301 7.5.2.36).
     """
 
     sync: bool = True
@@ -93,6 +94,7 @@ class Policy:
     timed: frozenset[int] = frozenset()
     requests: Mapping[int, float] = field(default_factory=dict)
     slow: int = 1
+    receive: int = SYNC_EVERY
 
 
 @dataclass(frozen=True, slots=True)
@@ -362,7 +364,7 @@ class DirectionPlan:
         if not self._may_retype(pdo):
             return self._quicker(pdo)
         if self.policy.sync:
-            wanted = SYNC_EVERY if self.receive else self._pace(pdo)
+            wanted = self.policy.receive if self.receive else self._pace(pdo)
             keeps = pdo.synchronous if self.receive else pdo.transmission_type == wanted
             return pdo if keeps else replace(pdo, transmission_type=wanted)
         if pdo.transmission_type not in _EVENT_TYPES:
