@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 from types import SimpleNamespace
 
@@ -12,6 +13,7 @@ from axisbus.errors import ArgumentError, DriveFault, HomingError, StateError, S
 from axisbus.motion.moves.homing import HomingJob, HomingRun
 from axisbus.motion.parameters import HomingParameters
 from axisbus.motion.states import AxisState
+from axisbus.sim.modes.homing import Homing
 from axisbus.sim.motor import MotorParams
 from kit.motion.plant_recorder import HALT, Watch
 from kit.motion.rig import PERIOD, rig
@@ -140,12 +142,21 @@ def slow_to_clear(r, bits: int, seconds: float) -> None:
     port.read = stale
 
 
-def test_bits_12_and_10_of_the_first_homing_are_not_the_end_of_a_slow_second_one():
+@pytest.mark.parametrize("late", [0.06, 0.5, 0.9])
+def test_bits_12_and_10_of_the_first_homing_are_not_the_end_of_a_slow_second_one(late):
+    """The axis is at standstill while it is late, as behind a brake that opens."""
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
     r.axis.home(17).wait(20)
     r.axis.move_absolute(20.0).wait(5)
     r.run(0.3)
-    slow_to_clear(r, 0x1400, 0.06)
+    slow_to_clear(r, 0x1400, late)
+    step, begun = Homing.step, r.now
+
+    def step_late(mode, axis, dt):
+        if r.now >= begun + late:
+            step(mode, axis, dt)
+
+    r.drive._all_modes[6].step = partial(step_late, r.drive._all_modes[6])
     handle = r.axis.home(17)
     r.run(0.5)
     assert handle.busy  # 20 degrees to go back at 50 deg/s
@@ -153,9 +164,10 @@ def test_bits_12_and_10_of_the_first_homing_are_not_the_end_of_a_slow_second_one
     assert r.drive.position == pytest.approx(r.drive.axis.motor.position + 40_000, abs=1)
 
 
-def test_bit_13_of_the_homing_before_does_not_fail_a_slow_second_one():
+@pytest.mark.parametrize("late", [0.06, 0.9])
+def test_bit_13_of_the_homing_before_does_not_fail_a_slow_second_one(late):
     r = rig(motor=MACHINE, homing=SEARCH).enabled()
-    slow_to_clear(r, 0x2000, 0.06)
+    slow_to_clear(r, 0x2000, late)
     r.axis.home(17).wait(20)
     assert r.axis.homed
 

@@ -64,6 +64,7 @@ class HomingRun(Activity):
         self._transfers = SdoTransfers(job.writes(parameters), parameters)
         self._step = _Step.PREPARE
         self._since = 0.0
+        self._stale = 0  # bits of the statusword that were high before the edge, as after a former homing
         self._seen_low = 0  # bits of the statusword that were low since the edge
         self._found = False  # some drives clear bit 12 again before standstill is seen
         self._words = 0  # number of statuswords received since the edge
@@ -107,6 +108,7 @@ class HomingRun(Activity):
         """Let bit 4 rise after it has been low for two cycles in homing mode."""
         if image.now >= self._since + 1.5 * self._parameters.scan_period:
             self._step, self._since = _Step.SEARCH, image.now
+            self._stale = image.statusword or 0
 
     def _search(self, image: AxisImage) -> bool:
         word = image.statusword
@@ -129,12 +131,15 @@ class HomingRun(Activity):
             self._words, self._newest = self._words + 1, stamp
 
     def _settled(self, image: AxisImage, bit: int) -> bool:
-        """Whether the bit belongs to this run: it was seen low, or (home in place) a word received well after the edge has it.
+        """Whether the bit belongs to this run: it was seen low, or a word received well after the edge has it.
 
         The first word since the edge does not count: it may have been sent before the drive saw the edge. If words are sent on
-        change, no second word is needed, because the drive would have sent it.
+        change, no second word is needed, because the drive would have sent it. A bit of a former homing counts only after the time
+        in which a drive accepts a set-point, unless this homing defines the present position as home, which takes no time.
         """
-        settled = self._since + self._parameters.timing.settle
+        timing = self._parameters.timing
+        may_begin_late = self._stale & bit and self._job.method not in homing.IN_PLACE
+        settled = self._since + (max(timing.settle, timing.acknowledge) if may_begin_late else timing.settle)
         late = image.now > settled if image.statusword_by_event else image.statusword_stamp > settled
         return bool(self._seen_low & bit) or (late and (self._words > 1 or image.statusword_by_event))
 
