@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from itertools import pairwise
 
 import pytest
@@ -10,6 +11,7 @@ from axisbus.cia402.port import Sample, ValueTransport
 from axisbus.errors import DriveError, DriveFault, ModeError, StaleError, StateError, Stopped, TransitionError
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
+from axisbus.sim.drive import Drive
 from axisbus.sim.fault_injection import NEVER
 from kit.motion.plant_recorder import (
     DISABLED,
@@ -372,13 +374,39 @@ def test_a_drive_that_displays_its_mode_only_when_enabled_is_enabled():
     assert r.drive.mode_display == 1
 
 
-def test_a_drive_that_refuses_every_resting_mode_is_not_enabled():
+def test_a_drive_that_takes_a_mode_only_when_enabled_is_enabled_again_after_its_homing():
+    r = rig().enabled()
+    follow = Drive._follow_mode
+
+    def when_enabled(drive, dt):
+        if drive.power.stage == ENABLED:
+            follow(drive, dt)
+
+    r.drive._follow_mode = partial(when_enabled, r.drive)
+    r.axis.home(37).wait(5)
+    r.axis.disable().wait(5)
+    assert r.drive.mode_display == 6
+    watch = Watch(r)
+    r.axis.enable().wait(10)
+    assert watch.displacement == 0.0
+    assert r.drive.mode_display != 6
+    r.axis.move_relative(10.0).wait(10)
+    assert r.axis.position == pytest.approx(10.0, abs=0.01)
+
+
+@pytest.mark.parametrize("shown", [2, 6])
+def test_a_drive_that_refuses_every_resting_mode_does_not_stay_enabled(shown):
+    """In homing mode (6) nothing moves, and a drive may take its mode only when it is enabled: only this one is enabled to see."""
     r = rig()
-    r.drive.mode = r.drive.mode_display = 6
+    r.drive.mode = r.drive.mode_display = shown
     r.drive.dials.modes_refused = frozenset({1, 3, 4, 8, 9})
+    watch = Watch(r)
     with pytest.raises(ModeError, match="hold standstill"):
         r.axis.enable().wait(10)
+    r.run(1.0)
     assert r.drive.power.stage == DISABLED
+    assert (4 in watch.transitions) is (shown == 6)
+    assert watch.displacement == 0.0
 
 
 # Disable.

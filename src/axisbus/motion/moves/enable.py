@@ -90,6 +90,9 @@ class EnableActivity(Activity):
         if self._awaits_position(image, order) or self._awaits_rest(image, order):
             return False
         self._preload(image, order)
+        if self._confirm_deadline is not None and image.now > self._confirm_deadline:
+            self._withdraw(image, order)
+            return False
         if self._found_enabled is None:
             self._found_enabled = image.state is PowerState.OPERATION_ENABLED
         if (
@@ -229,7 +232,10 @@ class EnableActivity(Activity):
         return self._parameters.has(objects.POSITION_ACTUAL) or self._mode not in WAITS_FOR_COMMAND
 
     def _mode_settled(self, image: AxisImage) -> bool:
-        """Whether the drive has the mode. A drive may show 6061h = 0 until it is enabled; any other mode must have ended."""
+        """Whether the drive has the mode, or takes it only when it is enabled: until then it shows 6061h = 0, or its last mode.
+
+        A last mode other than homing, in which nothing moves before bit 4 rises, must have ended, or be one of the candidates.
+        """
         if self._mode is None or image.mode == self._mode or self._has_one_mode:
             return True
         if self._mode_deadline is None:
@@ -239,6 +245,9 @@ class EnableActivity(Activity):
         if image.mode in (None, ModeOfOperation.NONE) and self._takeover is None:
             return True
         if not self._others:
+            if image.mode == ModeOfOperation.HOMING and image.state in _POWERLESS:
+                self._mode = self._tried[0]
+                return True
             raise self._mode_refused(image)
         self._mode, self._mode_deadline = self._others.pop(0), None
         self._tried.append(self._mode)
@@ -308,12 +317,19 @@ class EnableActivity(Activity):
 
     def _confirmed(self, image: AxisImage) -> bool:
         if self._mode is None or image.mode in (self._mode, None):
+            self._confirm_deadline = None
             return True
         if self._confirm_deadline is None:
             self._confirm_deadline = image.now + self._parameters.timing.mode
-        if image.now > self._confirm_deadline:
-            raise self._mode_refused(image)
         return False
+
+    def _withdraw(self, image: AxisImage, order: CycleOutputs) -> None:
+        """Take the power of a drive that has just got it and takes no mode; then raise ModeError. One found enabled keeps it."""
+        assert self._confirm_deadline is not None
+        late = image.now > self._confirm_deadline + self._parameters.timing.transition
+        if self._found_enabled or late or image.state not in ENERGISED:
+            raise self._mode_refused(image)
+        order.goal = PowerState.SWITCHED_ON
 
     def _mode_refused(self, image: AxisImage) -> ModeError:
         name = self._parameters.name
