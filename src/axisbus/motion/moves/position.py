@@ -298,7 +298,8 @@ class _ArrivalWatch:
             else "check whether the axis is blocked, whether the drive limits torque or velocity, and whether its "
             "position window (6067h) can be met; if it only stops a little short, set position_window in [axes."
             + name
-            + "]",
+            + "]; if it turned at another speed than commanded, its drive counts velocities in a unit of its own: set "
+            "velocity_scale there",
         )
 
     def _is_there(self, image: AxisImage) -> bool:

@@ -39,7 +39,7 @@ _PP = int(_M.PROFILE_POSITION)
 
 _REMEDY = (
     "check whether the axis is blocked, overloaded or badly tuned, or its drive limits torque or velocity (6072h, 607Fh, "
-    "6080h); keep clear: a blocked axis may jump when it comes free"
+    "6080h), or counts velocities in a unit of its own (velocity_scale); keep clear: a blocked axis may jump when it comes free"
 )
 
 
