@@ -116,6 +116,7 @@ def test_each_wait_of_the_handshake_has_the_whole_time(words, message):
 # Homing.
 
 JOB = HomingJob(17, 500, 100, 2000, 5.0)
+IN_PLACE = replace(JOB, method=35)
 
 
 def searching(drive: Drive, job: HomingJob = JOB) -> HomingRun:
@@ -206,13 +207,14 @@ def test_a_homing_error_that_was_low_since_the_edge_counts_at_once():
     assert "attained (bit 12) 1, reached (bit 10) 0" in caught.value.observed
 
 
+@pytest.mark.parametrize(("method", "time"), [(35, 0.125), (17, 1.0), (-1, 1.0)])
 @pytest.mark.parametrize("word", [0x1400, 0x2000])
-def test_bits_left_from_a_former_homing_count_only_after_the_settling_time(word):
-    """Home in place: attained may never be seen low; then a second word, received well after the edge, confirms it."""
+def test_bits_left_from_a_former_homing_count_only_after_a_time(word, method, time):
+    """Attained may never be seen low; then a second word, received well after the edge, confirms it. A search may begin late."""
     drive = Drive()
-    run = HomingRun(JOB, drive.parameters)
+    run = HomingRun(replace(JOB, method=method), drive.parameters)
     edge = None
-    for _ in range(40):
+    for _ in range(200):
         for request in drive.order.sdo:
             drive.answers(request.id)
         try:
@@ -222,13 +224,13 @@ def test_bits_left_from_a_former_homing_count_only_after_the_settling_time(word)
         edge = drive.now if edge is None and drive.order.bits else edge
         if done:
             break
-    assert drive.now - edge == 0.125 + T
+    assert drive.now - edge == time + T
 
 
 def test_one_late_statusword_alone_does_not_confirm_home():
     """It may have been in transit when the drive saw the edge."""
     drive = Drive()
-    run = HomingRun(JOB, drive.parameters)
+    run = HomingRun(IN_PLACE, drive.parameters)
     while not drive.order.bits:
         for request in drive.order.sdo:
             drive.answers(request.id)
@@ -241,7 +243,7 @@ def test_one_late_statusword_alone_does_not_confirm_home():
 
 def test_a_drive_that_sends_its_word_on_change_needs_no_second_one():
     drive = Drive(by_event=True)
-    run = HomingRun(JOB, drive.parameters)
+    run = HomingRun(IN_PLACE, drive.parameters)
     while not drive.order.bits:
         for request in drive.order.sdo:
             drive.answers(request.id)
