@@ -8,8 +8,9 @@ import time
 
 import pytest
 
+from axisbus.bus.sdo.access import try_upload
 from axisbus.cia301.nmt import NmtCommand
-from axisbus.configuration import preconditions, store_parameters
+from axisbus.configuration import dcf_backup, preconditions, store_parameters
 from axisbus.drives import registry
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds import load, loads
@@ -117,6 +118,26 @@ def test_the_default_name_has_the_serial_number(axisbus, bus, tmp_path):
     assert code == 0
     assert json.loads(out)["serial"] == 0x4D2
     assert load(tmp_path / "node-5-serial-4D2.dcf").info["devicecomissioning"]["lss_serialnumber"] == "1234"
+
+
+def test_a_node_that_restarts_meanwhile_gets_no_backup(axisbus, bus, monkeypatch, tmp_path):
+    options, stand_ins = bus
+    device, reads = stand_ins.devices[0], list[int]()
+
+    def read(sdo, index, subindex):
+        reads.append(index)
+        if len(reads) == 50:
+            device.dials.unpowered = True
+            time.sleep(0.2)
+            device.dials.unpowered = False
+            command_line.until(lambda: device.answers_sdo)
+        return try_upload(sdo, index, subindex)
+
+    monkeypatch.setattr(dcf_backup, "try_upload", read)
+    code, _, err = axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "y.dcf")
+    assert code == 3
+    assert "node 5 has restarted while its objects were read; there is no backup" in err
+    assert not (tmp_path / "y.dcf").exists()
 
 
 def test_a_backup_that_is_there_is_not_replaced(axisbus, bus, saved, tmp_path):

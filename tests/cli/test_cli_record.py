@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import re
@@ -242,6 +243,34 @@ def test_a_recording_is_exported(axisbus, moved, tmp_path, kind):
         "end its name in .csv or .parquet"
         in axisbus("record", "export", moved / "a.mcap", "-o", tmp_path / "a.xls").err
     )
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet", "svg"])
+def test_an_export_that_fails_or_is_killed_leaves_the_file_that_was_there(
+    axisbus, moved, tmp_path, monkeypatch, kind
+):
+    pytest.importorskip({"csv": "csv", "parquet": "pyarrow", "svg": "matplotlib"}[kind])
+    path, seen = tmp_path / f"run.{kind}", list[bytes]()
+    path.write_bytes(b"the last one")
+    sync = os.fsync
+
+    def full(file: int) -> None:
+        """The disk is full when the last bytes are written; a program killed here would leave the same."""
+        seen.append(path.read_bytes())
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(os, "fsync", full)
+    first = ("plot", moved / "a.mcap", "-o", path)
+    command = first if kind == "svg" else ("record", "export", moved / "a.mcap", "-o", path, "--force")
+    code, _, err = axisbus(*command)
+    assert code == 1
+    assert f"{path} cannot be written" in err
+    assert seen == [b"the last one"]
+    assert path.read_bytes() == b"the last one"
+    assert list(tmp_path.iterdir()) == [path]
+    monkeypatch.setattr(os, "fsync", sync)
+    assert axisbus(*command).code == 0
+    assert path.stat().st_size > 1000
 
 
 # -- moments ---------------------------------------------------------------------------------------------------------------------

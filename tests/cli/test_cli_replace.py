@@ -11,6 +11,7 @@ import pytest
 from axisbus.configuration.replacement import DriveReplacement
 from axisbus.configuration.replacement_order import ReplacementStep
 from axisbus.eds import load
+from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
@@ -224,6 +225,60 @@ def test_ctrl_c_leaves_a_note_and_the_next_run_continues(axisbus, drives, saved,
     assert "1. set its node-ID, and let it store that" in out
     assert not note_of(cell).exists()
     assert "unfinished" not in axisbus("nameplate", cell, "--saved").err
+
+
+def test_a_refused_second_run_keeps_the_note_of_the_first_one(axisbus, drives, saved, monkeypatch):
+    stand_ins, cell = drives
+    swap(stand_ins)
+    before = _interrupted_run(axisbus, cell, monkeypatch)
+    stand_ins.devices[0].dials.sdo_aborts[0x6081, 0] = 0x0602_0000
+    code, _, err = axisbus("replace", cell, "x", "--yes")
+    assert code == 1
+    assert "nothing was written" in err
+    assert note_of(cell).read_bytes() == before
+    assert "the replacement of node 1 is unfinished" in axisbus("nameplate", cell, "--saved").err
+
+
+def test_a_run_that_is_refused_after_a_write_leaves_a_note(axisbus, drives, saved, monkeypatch):
+    stand_ins, cell = drives
+    swap(stand_ins)
+
+    def refused(self: DriveReplacement) -> None:
+        raise StateError("the machine is being closed")
+
+    monkeypatch.setattr(DriveReplacement, "_restart", refused)
+    code, _, err = axisbus("replace", cell, "x", "--yes")
+    assert code == 1
+    assert "the replacement of node 1 is unfinished" in err
+    assert note_of(cell).exists()
+
+
+def test_a_record_that_cannot_be_written_leaves_a_note_and_the_next_run_finishes(axisbus, drives, saved):
+    stand_ins, cell = drives
+    swap(stand_ins)
+    table = cell.with_name("cell.nameplate.md")
+    table.unlink()
+    table.mkdir()
+    code, _, err = axisbus("replace", cell, "x", "--yes")
+    assert code == 1
+    assert "cell.nameplate.md cannot be written" in err
+    assert "the replacement of node 1 is unfinished" in err
+    table.rmdir()
+    assert axisbus("replace", cell, "x", "--yes").code == 0
+    assert serial_in_record(cell) == NEW
+    assert not note_of(cell).exists()
+
+
+def _interrupted_run(axisbus, cell: Path, monkeypatch: pytest.MonkeyPatch) -> bytes:
+    """Interrupt a replacement after the values were written; return its note."""
+
+    def interrupted(self: DriveReplacement) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr(DriveReplacement, "_store", interrupted)
+        assert axisbus("replace", cell, "x", "--yes").code == 130
+    return note_of(cell).read_bytes()
 
 
 @pytest.mark.parametrize(("node", "code", "says"), [("3", 1, "has no node 3"), ("w", 2, "'w' is not a node")])

@@ -142,6 +142,13 @@ def test_a_drive_is_known_to_be_another_one_only_by_two_serial_numbers(was, seri
     assert plan(replace(NODE, was=was), [replace(AT, serial=serial)]).order.swapped is swapped
 
 
+@pytest.mark.parametrize("was", [None, replace(WAS, serial=4712)])
+def test_a_drive_whose_replacement_has_begun_is_known_to_be_another_one(was):
+    node = replace(NODE, was=was, unfinished=NOTE, running=True)
+    assert plan(node, [AT]).order.swapped
+    assert not plan(replace(node, unfinished=replace(NOTE, serial=1), was=None), [AT]).order.swapped
+
+
 def test_a_note_is_read_again():
     made = plan(NODE, [BARE])
     assert made.note == NOTE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import io
 import json
 import random
@@ -253,3 +254,15 @@ def test_any_mutation_of_a_kept_fault_is_read_or_refused(tmp_path):
     for _ in range(500):
         path.write_bytes(fault_file.MAGIC + mutated(whole.removeprefix(fault_file.MAGIC), drawn))
         read_or_refused(path)
+
+
+def test_a_fault_that_does_not_fit_on_the_disk_leaves_nothing(tmp_path, monkeypatch):
+    def full(path: Path, data: bytes) -> int:
+        with path.open("wb") as file:
+            file.write(data[: len(data) // 2])
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    with pytest.raises(OSError, match="No space left"):
+        fault_file.write(tmp_path / "one.fault", {}, b"rows", [], BEGAN)
+    assert list(tmp_path.iterdir()) == []

@@ -20,11 +20,13 @@ from starlette.requests import Request
 from axisbus.boot import node
 from axisbus.boot import objects as objects_of
 from axisbus.boot.dcf import BELIEVED
+from axisbus.bus.sdo.access import try_upload
 from axisbus.cia301 import abort
 from axisbus.cia301.nmt import NmtState
+from axisbus.configuration import dcf_backup
 from axisbus.eds import builtin
 from axisbus.eds.io import reader
-from axisbus.errors import EdsError, LimitError, StateError, UserError
+from axisbus.errors import EdsError, LimitError, NodeError, StateError, UserError
 from axisbus.machine.machine import Machine
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession, Role
@@ -112,6 +114,25 @@ def test_an_object_that_the_drive_refuses_is_left_out_and_reported(machine):
     (row,) = [row for row in found.rows if row[0] == "6083h:00"]
     assert "the device refuses it" in row[2]
     assert found.dcf.reading().eds.get(*ACCELERATION).parameter_value is None
+
+
+def test_a_node_that_restarts_meanwhile_gets_no_backup(machine, monkeypatch):
+    supply, reads = machine.simulated_node(1), list[int]()
+
+    def read(sdo, index, subindex):
+        reads.append(index)
+        if len(reads) == 50:
+            supply.switch_off()
+            machine.sleep(0.2)
+            supply.switch_on()
+            machine.sleep(1.0)
+        return try_upload(sdo, index, subindex)
+
+    monkeypatch.setattr(dcf_backup, "try_upload", read)
+    with pytest.raises(
+        NodeError, match="node 1 has restarted while its objects were read; there is no backup"
+    ):
+        done(machine, ConfigJobKind.BACKUP)
 
 
 # -- comparisons --------------------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from axisbus.cli.shared.attach_or_open import frames_of, machine_of
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import PATH, Seconds, beside_option
-from axisbus.cli.shared.output import force_option, output_option, require_free
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_file
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import UserError
 from axisbus.machine.machine import Machine
@@ -59,7 +59,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
     else:
         _show(pace, late)
     if output is not None:
-        draw(pace, output, cell.name)
+        write_file(output, lambda file: draw(pace, file, cell.name))
         say(f"written: {output}")
     if not as_json:
         say_next(f"time needed on the wire alone: axisbus plan {cell}")

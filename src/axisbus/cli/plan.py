@@ -15,7 +15,7 @@ from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
-from axisbus.cli.shared.output import force_option, output_option, require_free
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_file
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import ArgumentError
 from axisbus.record.plot import load_pyplot, require_picture
@@ -53,7 +53,7 @@ def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, a
         _show(loaded, table)
         _show_periods(table, least, shorter)
     if output is not None:
-        draw(table, loaded, output)
+        write_file(output, lambda file: draw(table, loaded, file))
         say(f"written: {output}")
     if not as_json:
         say_next(f"to measure computer and drives: axisbus jitter {cell}")

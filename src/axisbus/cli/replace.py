@@ -133,6 +133,7 @@ class _Record:
         self._file = nameplate.file_of(cell)
         self._plates = nameplate.load(self._file)[1] if self._file.exists() else []
         self._note = note_file(cell, node_id)
+        self._earlier: bytes | None = None  # the note of an earlier run
         self.node_id = node_id
 
     @property
@@ -149,7 +150,15 @@ class _Record:
 
     def begin(self, note: UnfinishedReplacement) -> None:
         """Note that a replacement has begun."""
+        self._earlier = self._note.read_bytes() if self._note.exists() else None
         write_whole(self._note, note.as_json().encode())
+
+    def undo(self) -> None:
+        """Restore the state before ``begin``: the note of an earlier run, or none."""
+        if self._earlier is None:
+            self.end()
+        else:
+            write_whole(self._note, self._earlier)
 
     def end(self) -> None:
         """Remove the note."""
@@ -267,27 +276,29 @@ def _place(
 def _carry_out(
     made: ReplacementPlan, record: _Record, place: _Place, config: CellConfig, *, quiet: bool
 ) -> ReplacementOutcome:
-    """Do all steps; the note is there until all are done, or the drive was refused before it was changed."""
+    """Do all steps; the note is there until all are done. If nothing was changed, the note is as it was before."""
+    begun = set[ReplacementStep]()
 
     def tell(step: ReplacementStep) -> None:
+        begun.add(step)
         if not quiet:
             say_note(f"node {record.node_id}: {step.value}")
 
     record.begin(made.note)
     try:
         outcome = place.replace(made.order, tell)
-    except UserError:
-        if not made.note.sets_node_id:
-            record.end()
+        if ReplacementStep.RECORD in made.steps:
+            tell(ReplacementStep.RECORD)
+            record.renew(nameplate.read_nameplate(place.read(), config))
+    except (AxisbusError, KeyboardInterrupt) as error:
+        # the step CONFIGURE writes nothing if it is refused (``DriveReplacement.run``)
+        if isinstance(error, UserError) and begun <= {ReplacementStep.CONFIGURE}:
+            record.undo()
+        else:
+            say_note(
+                f"the replacement of node {record.node_id} is unfinished: run the command again to finish it"
+            )
         raise
-    except (AxisbusError, KeyboardInterrupt):
-        say_note(
-            f"the replacement of node {record.node_id} is unfinished: run the command again to finish it"
-        )
-        raise
-    if ReplacementStep.RECORD in made.steps:
-        tell(ReplacementStep.RECORD)
-        record.renew(nameplate.read_nameplate(place.read(), config))
     record.end()
     return outcome
 

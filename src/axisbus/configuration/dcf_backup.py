@@ -11,6 +11,7 @@ from axisbus.eds import dcf
 from axisbus.eds.device_to_dcf import LeftOut, left, readable, text_of
 from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Variable
+from axisbus.errors import NodeError
 
 Key = tuple[int, int]
 Tell = Callable[[int, int], None]
@@ -26,17 +27,23 @@ class DcfBackup:
 
 
 def backup(
-    device: SdoUploads, reading: EdsParseResult, settings: dcf.Settings, tell: Tell | None = None
+    device: SdoUploads,
+    reading: EdsParseResult,
+    settings: dcf.Settings,
+    tell: Tell | None = None,
+    restarts: Callable[[], object] = lambda: None,
 ) -> DcfBackup:
     """Read each object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
 
-    An object that cannot be read is left out; ``tell(done, all)`` is called after each object.
+    An object that cannot be read is left out; ``tell(done, all)`` is called after each object. ``restarts`` returns a value that
+    changes if the node restarts.
 
     Raises:
         SdoTimeout, AdapterError: the node does not answer, or the channel failed.
+        NodeError: the node has restarted meanwhile, so its values do not belong together.
         ArgumentError, EdsError: the EDS cannot be converted to a DCF with these settings.
     """
-    reading = dcf.to_eds(reading)
+    before, reading = restarts(), dcf.to_eds(reading)
     wanted, left_out = readable(reading)
     texts: dict[Key, str] = {}
     serial = None
@@ -51,8 +58,19 @@ def backup(
             serial = int.from_bytes(found, "little") or None  # 0 means no serial number
         if tell is not None:
             tell(number, len(wanted))
+    if restarts() != before:
+        raise _restarted(settings.node_id)
     made = dcf.record(reading, replace(settings, serial=serial), texts)
     return DcfBackup(made, len(texts), tuple(left_out))
+
+
+def _restarted(node_id: int) -> NodeError:
+    return NodeError(
+        f"node {node_id} has restarted while its objects were read; there is no backup",
+        node=node_id,
+        observed="it sent a boot-up message: values from before that may have been lost, or it may be another device",
+        remedy="check its supply, and that it is configured; then make the backup again",
+    )
 
 
 def file_name(node_id: int, serial: int | None) -> str:

@@ -100,8 +100,10 @@ class ReplacementPlan:
     @property
     def order(self) -> ReplacementOrder:
         """The order with which ``DriveReplacement`` does the steps at the device."""
-        was = None if self.node.was is None else self.node.was.serial
-        swapped = bool(was and self.drive.serial and was != self.drive.serial)
+        was, now = None if self.node.was is None else self.node.was.serial, self.drive.serial
+        # The core finishes a replacement whose command was killed: the drive then runs, and the record may have its number.
+        begun = self.node.unfinished is not None and self.node.unfinished.serial == now
+        swapped = bool(now and (begun or (was and was != now)))
         return ReplacementOrder(self.node.node_id, self.drive, self.steps, self.node.configuration, swapped)
 
     @property

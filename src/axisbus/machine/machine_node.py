@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from axisbus.bus.node.events import NodeEventKind
 from axisbus.bus.sdo.access import decoded
 from axisbus.bus.sdo.transfer import Progress
 from axisbus.cia301 import objects as o
@@ -20,6 +21,13 @@ class MachineNode:
         self.node_id = access.node_id
         self.eds: Eds | None = access.eds
         self.sdo = MachineSdo(access)
+
+    @property
+    def last_restart(self) -> float:
+        """The time of its last boot-up message that the machine did not expect, in s, monotonic; 0 if there was none."""
+        return max(
+            (event.stamp for event in self.access.events if event.kind is NodeEventKind.BOOT_UP), default=0.0
+        )
 
     def answers_sdo(self) -> bool:
         """Return whether its SDO server answers; a refusal counts as an answer. Blocks."""

@@ -40,8 +40,11 @@ def write(
     }
     head = json.dumps({"facts": dict(facts), "axes": axes, "events": list(events)}).encode()
     beside = path.with_suffix(".new")
-    beside.write_bytes(MAGIC + head + b"\n" + rows)
-    beside.replace(path)
+    try:
+        beside.write_bytes(MAGIC + head + b"\n" + rows)
+        beside.replace(path)
+    finally:
+        beside.unlink(missing_ok=True)  # a full disk must not keep a part of each fault
 
 
 def read(path: Path) -> Recorded:

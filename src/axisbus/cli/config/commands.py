@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 
 import click
 
-from axisbus.bus.node.node import NodeIdentity, read_identity
+from axisbus.bus.node.node import CanopenNode, NodeIdentity, read_identity
 from axisbus.bus.sdo.access import ByObjects
 from axisbus.cli.config.files import baudrate, eds_file, node_reading, read_file
 from axisbus.cli.shared.attached_nodes import open_nodes
@@ -28,6 +29,7 @@ from axisbus.configuration.dcf_backup import DcfBackup, backup, file_name
 from axisbus.eds import concise, writer
 from axisbus.eds.concise_dcf_values import configuration
 from axisbus.eds.dcf import Settings
+from axisbus.machine.machine_node import MachineNode
 from axisbus.wording import counted
 
 # -- ``axisbus config backup``: read all objects of a node into a DCF --------------------------------------------------
@@ -89,7 +91,14 @@ def _taken(
         last_eds=Path(reading.eds.source).name if eds_file(files, device.node_id) else None,
     )
     tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
-    return backup(device.sdo, reading, settings, tell), origin
+    return backup(device.sdo, reading, settings, tell, partial(_restarts, device)), origin
+
+
+def _restarts(device: ByObjects) -> float:
+    """Return a number that changes if a node restarts."""
+    if isinstance(device, MachineNode):
+        return device.last_restart
+    return device.nmt.bootups if isinstance(device, CanopenNode) else 0
 
 
 def _write(made: DcfBackup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:

@@ -5,18 +5,19 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import click
 
 from axisbus.cli.shared.common import OK, WRONG, echo, progress_bar, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
-from axisbus.cli.shared.output import force_option, output_option, require_free, require_writable
+from axisbus.cli.shared.output import force_option, output_option, require_free, require_writable, write_file
 from axisbus.errors import UserError
 from axisbus.record.compare import Compared, compare
 from axisbus.record.export import write_csv, write_parquet
 from axisbus.record.load import load
-from axisbus.record.plot import plot
+from axisbus.record.plot import plot, require_picture
 from axisbus.record.recording_data import Recorded
 
 # -- Read a recording for a command, with a progress line and a remark if it is incomplete -----------------------------
@@ -52,12 +53,14 @@ def plot_command(recording: Path, output: Path | None, begin: float, end: float,
     if not begin < end:
         raise click.UsageError("--from must be less than --to")
     picture = output or recording.parent / f"{recording.stem}.png"  # a folder has no file name to change
+    require_picture(picture)
     require_writable(picture)
     recorded = read(recording)
     when = "" if recorded.began is None else f"{recorded.began:%Y-%m-%d %H:%M:%S} UTC"
     drives = " ".join([recorded.facts["drives"], "drives"]) if "drives" in recorded.facts else ""
     heading = title or ", ".join(filter(None, (recording.name, when, drives)))
-    say(f"written: {plot(recorded, picture, heading, begin=begin, end=end)}")
+    write_file(picture, lambda file: plot(recorded, file, heading, begin=begin, end=end))
+    say(f"written: {picture}")
     return OK
 
 
@@ -117,8 +120,7 @@ def export_command(recording: Path, output: Path, force: bool) -> int:
         )
     require_free(output, force=force)
     recorded = read(recording)
-    output.parent.mkdir(parents=True, exist_ok=True)
-    write(recorded, output)
+    write_file(output, partial(write, recorded))
     say(f"written: {output}")
     return OK
 

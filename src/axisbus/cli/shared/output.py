@@ -77,22 +77,30 @@ def write_whole(path: Path, data: bytes) -> None:
     Raises:
         UserError: the file cannot be written; then nothing has changed.
     """
+    write_file(path, lambda file: file.write_bytes(data))
+
+
+def write_file(path: Path, write: Callable[[Path], object]) -> None:
+    """As ``write_whole``, for contents that ``write`` writes into the file of a given path, which has the suffix of ``path``.
+
+    Raises:
+        UserError: the file cannot be written. The errors of ``write``. Then nothing has changed.
+    """
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         if _is_special(path):
-            path.write_bytes(data)
+            write(path)
         else:
-            _replace(Path(os.path.realpath(path)), data)
+            _replace(Path(os.path.realpath(path)), write, path.suffix)
     except OSError as error:
         raise _cannot(path, error) from error
 
 
-def _replace(target: Path, data: bytes) -> None:
-    beside = _beside(target.parent)
+def _replace(target: Path, write: Callable[[Path], object], suffix: str) -> None:
+    beside = _beside(target.parent, suffix)
     try:
-        with beside.open("xb") as file:
-            file.write(data)
-            file.flush()
+        write(beside)
+        with beside.open("ab") as file:
             os.fsync(file.fileno())
         if target.exists():
             shutil.copymode(target, beside)
@@ -116,9 +124,9 @@ def _try(path: Path) -> None:
     probe.unlink()
 
 
-def _beside(folder: Path) -> Path:
+def _beside(folder: Path, suffix: str = "") -> Path:
     """Return an unused temporary name in a folder: a killed run may have left one, and the file's name may be too long."""
-    return folder / f".axisbus-{os.urandom(6).hex()}.new"
+    return folder / f".axisbus-{os.urandom(6).hex()}.new{suffix}"
 
 
 def _is_special(path: Path) -> bool:

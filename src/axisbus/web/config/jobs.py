@@ -61,7 +61,8 @@ def backup(machine: Machine, node: PacedNode, tell: Tell) -> ConfigReport:
         file_name=dcf_backup.file_name(node.node_id, who.serial),
         last_eds=path.name,
     )
-    made = dcf_backup.backup(node.sdo, reading, settings, tell)
+    inside = MachineNode(machine.node(node.node_id))
+    made = dcf_backup.backup(node.sdo, reading, settings, tell, lambda: inside.last_restart)
     data = writer.dumps(made.reading)
     if len(data) > MOST:
         raise StateError(
