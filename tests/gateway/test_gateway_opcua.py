@@ -32,7 +32,7 @@ from axisbus.gateway.opcua import limits, trust
 from axisbus.gateway.opcua import server as opcua_server
 from axisbus.gateway.opcua.axis_readings import ImageFreshness
 from axisbus.gateway.opcua.event_mapping import OpcuaEvent
-from axisbus.gateway.opcua.limited_server import CHECKED, OpcuaUserManager
+from axisbus.gateway.opcua.limited_server import CHECKED, GuardedServer, OpcuaUserManager
 from axisbus.gateway.opcua.methods import MethodResult, OpcuaMethod, given
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.gateway.opcua.session import GuardedSession
@@ -305,6 +305,65 @@ def test_if_too_many_calls_of_a_user_wait_further_stops_are_given_and_answered_a
 
     assert len(visit(server.url, many, ANNA)) == 2
     assert held.given[-1] == ("y", "Halt")
+
+
+def test_waiting_requests_of_clients_without_a_name_delay_no_stop(server, machine, monkeypatch):
+    reads, at_stop, read = [], [], GuardedSession.read
+
+    async def counted(self, params):
+        reads.append(self)
+        return await read(self, params)
+
+    async def carried_out(*_):
+        at_stop.append(len(reads))
+        return MethodResult("Good", "")
+
+    monkeypatch.setattr(GuardedSession, "read", counted)
+    monkeypatch.setattr(opcua_server, "carry_out", carried_out)
+    item = ua.ReadValueId(NodeId=ua.NodeId(f"Machines/cell{POSITION}", 2), AttributeId=ua.AttributeIds.Value)
+
+    async def stop_beside_reads():
+        guests = [await connected_client(server.url, ClientIdentity()) for _ in range(3)]
+        user = await connected_client(server.url, ANNA)
+        node = user.get_node(ua.NodeId(f"Machines/cell{X}", 2))
+        method = await node.get_child("2:Stop")
+        reads.clear()
+        for guest in guests:
+            line = guest.uaclient.protocol
+            line.data_received = lambda _: None
+            request = ua.ReadRequest()
+            request.RequestHeader.AuthenticationToken = line.authentication_token
+            request.Parameters.NodesToRead = [item] * 20
+            body = struct_to_binary(request)
+            waiting = [line._connection.message_to_binary(body, request_id=1000 + each) for each in range(50)]
+            line.transport.write(b"".join(waiting))
+        await user.uaclient.call([ua.CallMethodRequest(node.nodeid, method.nodeid, [])])
+        for guest in guests:
+            guest.uaclient.protocol.transport.abort()
+        for client in (user, *guests):
+            with suppress(Exception):
+                await client.disconnect()
+
+    asyncio.run(stop_beside_reads())
+    assert at_stop[0] < 20
+
+
+def test_of_clients_without_a_name_only_one_request_waits_before_those_of_users():
+    order = []
+
+    async def take(server, named):
+        await server.await_turn(named=named)
+        order.append(named)
+
+    async def crowd():
+        server = GuardedServer(OpcuaUserManager(None, anonymous=True), encrypted=False, before=None)
+        guests = [asyncio.create_task(take(server, False)) for _ in range(20)]
+        await asyncio.sleep(0)
+        await asyncio.gather(take(server, True), *guests)
+
+    asyncio.run(crowd())
+    assert order.index(True) <= 1
+    assert len(order) == 21
 
 
 def test_a_method_of_another_object_and_extra_arguments_are_refused(server, machine):

@@ -34,7 +34,8 @@ class GuardedProcessor(UaProcessor):
     """Process the messages of a connection.
 
     A password is checked first, because asyncua would block all other clients for that. Methods of a user are called in tasks of
-    their own: a stop must not wait until an earlier call of the same connection ends.
+    their own: a stop must not wait until an earlier call of the same connection ends. All other requests of clients wait for each
+    other (``GuardedServer.await_turn``), so that no stop waits for many of them.
     """
 
     def __init__(self, *given: Any) -> None:
@@ -44,12 +45,14 @@ class GuardedProcessor(UaProcessor):
     async def process_message(self, seqhdr: Any, body: Any) -> Any:
         """Process a message."""
         session = self.session
-        named = session is not None and session.is_activated() and session.is_named
-        if named and nodeid_from_binary(body.copy()) == _CALLS:
-            call = asyncio.get_running_loop().create_task(self._call(seqhdr, body))
-            self._calls.add(call)
-            call.add_done_callback(self._calls.discard)
-            return True
+        if session is not None and session.is_activated():
+            if session.is_named and nodeid_from_binary(body.copy()) == _CALLS:
+                call = asyncio.get_running_loop().create_task(self._call(seqhdr, body))
+                self._calls.add(call)
+                call.add_done_callback(self._calls.discard)
+                return True
+            await self.iserver.await_turn(named=session.is_named)
+            allow(limits.PIECES)
         given = self._given(body.copy())
         right = given is not None and await self.iserver.gate.check(*given)
         token = CHECKED.set(None if given is None else (*given, right))
@@ -168,6 +171,7 @@ class GuardedProtocol(OPCUAProtocol):
 
     async def _processed(self, header: Any, buf: Any) -> bool:
         """Process a message, return whether the connection continues; asyncua would also continue after an unreadable message."""
+        await asyncio.sleep(0)  # other connections are served between two messages of this one
         allow(limits.PIECES)
         try:
             return self._is_welcome(header, buf) and bool(await super()._process_one_msg(header, buf))
