@@ -29,9 +29,11 @@ from cryptography.hazmat.primitives.serialization import Encoding
 
 from axisbus.errors import ConfigError, StateError
 from axisbus.gateway.opcua import limits, trust
+from axisbus.gateway.opcua import server as opcua_server
 from axisbus.gateway.opcua.axis_readings import ImageFreshness
 from axisbus.gateway.opcua.event_mapping import OpcuaEvent
-from axisbus.gateway.opcua.limited_server import CHECKED, OpcuaUserManager
+from axisbus.gateway.opcua.limited_server import CHECKED, GuardedServer, OpcuaUserManager
+from axisbus.gateway.opcua.methods import MethodResult, OpcuaMethod, given
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.gateway.opcua.session import GuardedSession
 from axisbus.gateway.opcua.trust import TrustingFactory
@@ -226,6 +228,142 @@ def test_anonymous_clients_call_no_method_and_users_halt_and_stop(server, machin
     assert visit(server.url, halt, ANNA).startswith("x: Disabled at 0 deg")
     text = visit(server.url, lambda seen: seen.call("", "Stop"), ANNA)
     assert [line.partition(":")[0] for line in text.splitlines()] == ["x", "y"]
+
+
+@pytest.fixture
+def held(machine, monkeypatch):
+    """Halts last until ``over``, at most 10 s, as if an axis braked for long; ``given`` has the methods, ``stops`` their stops."""
+    held = SimpleNamespace(over=False, given=[], stops=[])
+
+    async def carried_out(_, verb, axes, stops, limit):
+        held.given.append((*axes, verb.value))
+        held.stops.append(stops)
+        until = time.monotonic() + 10.0
+        while verb is OpcuaMethod.HALT and limit and not held.over and time.monotonic() < until:
+            await asyncio.sleep(0.01)
+        return MethodResult("Good" if limit else "BadTimeout", "as in the test")
+
+    monkeypatch.setattr(opcua_server, "carry_out", carried_out)
+    yield held
+    held.over = True
+
+
+def test_a_stop_and_a_read_do_not_wait_for_an_earlier_call_of_their_connection(server, held):
+    async def stop_during_a_halt(seen: Visit):
+        halting = asyncio.create_task(seen.call(X, "Halt"))
+        while not held.given:
+            await asyncio.sleep(0.01)
+        stopped = await asyncio.wait_for(seen.call(X, "Stop"), 5.0)
+        _, status = await asyncio.wait_for(seen.value("/Running"), 5.0)
+        waits = not halting.done()
+        held.over = True
+        return stopped, status, waits, await halting
+
+    stopped, status, waits, halted = visit(server.url, stop_during_a_halt, ANNA)
+    assert (stopped, status, waits, halted) == ("as in the test", "Good", True, "as in the test")
+    assert held.given == [("x", "Halt"), ("x", "Stop")]
+    assert held.stops[0] is held.stops[1]  # equal stops are merged
+
+
+def test_halt_and_stop_are_given_by_the_merged_stops_of_the_machine(machine):
+    seen = []
+    stops = SimpleNamespace(give=lambda *asked: seen.append(asked))
+    for verb in (OpcuaMethod.HALT, OpcuaMethod.STOP):
+        given(machine["x"], verb, stops)
+    assert seen == [("x", "halt"), ("x", "quick_stop")]
+
+
+def test_all_methods_of_one_request_are_called_at_once(server, held):
+    async def both(seen: Visit):
+        asked = []
+        for path, name in ((X, "Halt"), (Y, "Stop")):
+            node = seen.node(path)
+            method = await node.get_child(f"{seen.index}:{name}")
+            asked.append(ua.CallMethodRequest(node.nodeid, method.nodeid, []))
+        calling = asyncio.create_task(seen.client.uaclient.call(asked))
+        for _ in range(100):
+            await asyncio.sleep(0.01)
+        both = list(held.given)
+        held.over = True
+        return both, [each.StatusCode.name for each in await calling]
+
+    assert visit(server.url, both, ANNA) == ([("x", "Halt"), ("y", "Stop")], ["Good", "Good"])
+
+
+def test_if_too_many_calls_of_a_user_wait_further_stops_are_given_and_answered_at_once(
+    server, held, monkeypatch
+):
+    monkeypatch.setattr(limits, "WAITING_CALLS", 2)
+
+    async def many(seen: Visit):
+        calls = [asyncio.create_task(seen.call(X, "Halt")) for _ in range(2)]
+        await asyncio.sleep(1.0)
+        with refused("BadTimeout"):
+            await asyncio.wait_for(seen.call(Y, "Halt"), 5.0)
+        held.over = True
+        return await asyncio.gather(*calls)
+
+    assert len(visit(server.url, many, ANNA)) == 2
+    assert held.given[-1] == ("y", "Halt")
+
+
+def test_waiting_requests_of_clients_without_a_name_delay_no_stop(server, machine, monkeypatch):
+    reads, at_stop, read = [], [], GuardedSession.read
+
+    async def counted(self, params):
+        reads.append(self)
+        return await read(self, params)
+
+    async def carried_out(*_):
+        at_stop.append(len(reads))
+        return MethodResult("Good", "")
+
+    monkeypatch.setattr(GuardedSession, "read", counted)
+    monkeypatch.setattr(opcua_server, "carry_out", carried_out)
+    item = ua.ReadValueId(NodeId=ua.NodeId(f"Machines/cell{POSITION}", 2), AttributeId=ua.AttributeIds.Value)
+
+    async def stop_beside_reads():
+        guests = [await connected_client(server.url, ClientIdentity()) for _ in range(3)]
+        user = await connected_client(server.url, ANNA)
+        node = user.get_node(ua.NodeId(f"Machines/cell{X}", 2))
+        method = await node.get_child("2:Stop")
+        reads.clear()
+        for guest in guests:
+            line = guest.uaclient.protocol
+            line.data_received = lambda _: None
+            request = ua.ReadRequest()
+            request.RequestHeader.AuthenticationToken = line.authentication_token
+            request.Parameters.NodesToRead = [item] * 20
+            body = struct_to_binary(request)
+            waiting = [line._connection.message_to_binary(body, request_id=1000 + each) for each in range(50)]
+            line.transport.write(b"".join(waiting))
+        await user.uaclient.call([ua.CallMethodRequest(node.nodeid, method.nodeid, [])])
+        for guest in guests:
+            guest.uaclient.protocol.transport.abort()
+        for client in (user, *guests):
+            with suppress(Exception):
+                await client.disconnect()
+
+    asyncio.run(stop_beside_reads())
+    assert at_stop[0] < 20
+
+
+def test_of_clients_without_a_name_only_one_request_waits_before_those_of_users():
+    order = []
+
+    async def take(server, named):
+        await server.await_turn(named=named)
+        order.append(named)
+
+    async def crowd():
+        server = GuardedServer(OpcuaUserManager(None, anonymous=True), encrypted=False, before=None)
+        guests = [asyncio.create_task(take(server, False)) for _ in range(20)]
+        await asyncio.sleep(0)
+        await asyncio.gather(take(server, True), *guests)
+
+    asyncio.run(crowd())
+    assert order.index(True) <= 1
+    assert len(order) == 21
 
 
 def test_a_method_of_another_object_and_extra_arguments_are_refused(server, machine):

@@ -26,14 +26,33 @@ log = logging.getLogger("axisbus")
 _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
 _HEADER = 8  # octets: kind, chunk, and length
 _ACTIVATES = ua.NodeId(ua.ObjectIds.ActivateSessionRequest_Encoding_DefaultBinary)
+_CALLS = ua.NodeId(ua.ObjectIds.CallRequest_Encoding_DefaultBinary)
 _LOOK = 1.0  # seconds between two checks for an active session
 
 
 class GuardedProcessor(UaProcessor):
-    """Process the messages of a connection; check a password first, because asyncua would block all other clients for that."""
+    """Process the messages of a connection.
+
+    A password is checked first, because asyncua would block all other clients for that. Methods of a user are called in tasks of
+    their own: a stop must not wait until an earlier call of the same connection ends. All other requests of clients wait for each
+    other (``GuardedServer.await_turn``), so that no stop waits for many of them.
+    """
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self._calls: set[asyncio.Task[None]] = set()
 
     async def process_message(self, seqhdr: Any, body: Any) -> Any:
         """Process a message."""
+        session = self.session
+        if session is not None and session.is_activated():
+            if session.is_named and nodeid_from_binary(body.copy()) == _CALLS:
+                call = asyncio.get_running_loop().create_task(self._call(seqhdr, body))
+                self._calls.add(call)
+                call.add_done_callback(self._calls.discard)
+                return True
+            await self.iserver.await_turn(named=session.is_named)
+            allow(limits.PIECES)
         given = self._given(body.copy())
         right = given is not None and await self.iserver.gate.check(*given)
         token = CHECKED.set(None if given is None else (*given, right))
@@ -41,6 +60,12 @@ class GuardedProcessor(UaProcessor):
             return await super().process_message(seqhdr, body)
         finally:
             CHECKED.reset(token)
+
+    async def _call(self, seqhdr: Any, body: Any) -> None:
+        """Call methods, and answer when they have ended."""
+        allow(limits.PIECES)
+        if not await super().process_message(seqhdr, body):
+            self._transport.close()
 
     def _given(self, body: Any) -> tuple[str, str] | None:
         """Return the name and the password of a request to activate a session; None if it is another request."""
@@ -146,6 +171,7 @@ class GuardedProtocol(OPCUAProtocol):
 
     async def _processed(self, header: Any, buf: Any) -> bool:
         """Process a message, return whether the connection continues; asyncua would also continue after an unreadable message."""
+        await asyncio.sleep(0)  # other connections are served between two messages of this one
         allow(limits.PIECES)
         try:
             return self._is_welcome(header, buf) and bool(await super()._process_one_msg(header, buf))

@@ -105,6 +105,7 @@ class GuardedServer(InternalServer):
         self.before_read = before
         self.connections: list[OPCUAProtocol] = []
         self._ending: set[asyncio.Task[None]] = set()
+        self._turn, self._nameless_turn = asyncio.Lock(), asyncio.Lock()
         self._encrypted = encrypted
         self.allow_remote_admin = False
         self.supported_tokens = (ua.AnonymousIdentityToken, ua.UserNameIdentityToken)
@@ -144,6 +145,18 @@ class GuardedServer(InternalServer):
         made = GuardedSession(self, name, User(role=UserRole.Anonymous))
         made.required = self._encrypted
         return made
+
+    async def await_turn(self, *, named: bool) -> None:
+        """Wait until a request may be processed: one after the other, and of clients without a name only one waits beside users.
+
+        Between two requests, the methods of users are called, and new clients connect.
+        """
+        if not named:
+            async with self._nameless_turn:
+                await self.await_turn(named=True)
+            return
+        async with self._turn:
+            await asyncio.sleep(0)
 
     def has_place(self, session: GuardedSession, *, named: bool) -> bool:
         """Return whether one more client may be admitted, with a name or without: each kind has places of its own.

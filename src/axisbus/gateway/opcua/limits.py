@@ -40,3 +40,5 @@ LARGE = (
 )
 WRONG = 1.0  # seconds until a wrong password is refused, which limits the attempts of one connection
 HALTING = 15.0  # seconds that a method waits for its command
+REFUSALS = 10.0, 100.0  # events about failed methods of a user: per second, and at once
+WAITING_CALLS = 200  # methods of a user that wait for their commands; further ones are answered at once

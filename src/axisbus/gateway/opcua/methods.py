@@ -8,6 +8,7 @@ from contextlib import suppress
 from enum import Enum
 from typing import NamedTuple
 
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, DriveError, OwnershipError, StaleError, UserError
 from axisbus.machine.axis import Axis
 from axisbus.machine.handle import Handle, look_at_end
@@ -57,26 +58,26 @@ def status_of(error: BaseException) -> str:
     return next((status for kind, status in _REFUSED if isinstance(error, kind)), "BadInvalidState")
 
 
-def given(axis: Axis, verb: OpcuaMethod) -> Handle | AxisbusError:
+def given(axis: Axis, verb: OpcuaMethod, stops: MergedStops) -> Handle | AxisbusError:
     """Give an axis its command, or return why it is refused; does not block."""
     try:
-        return {
-            OpcuaMethod.HALT: axis.halt,
-            OpcuaMethod.STOP: axis.quick_stop,
-            OpcuaMethod.RESET: axis.reset,
-        }[verb]()
+        if verb is OpcuaMethod.RESET:
+            return axis.reset()
+        return stops.give(axis.name, "halt" if verb is OpcuaMethod.HALT else "quick_stop")
     except AxisbusError as error:
         return error
 
 
-async def carry_out(machine: Machine, verb: OpcuaMethod, axes: Sequence[str], limit: float) -> MethodResult:
+async def carry_out(
+    machine: Machine, verb: OpcuaMethod, axes: Sequence[str], stops: MergedStops, limit: float
+) -> MethodResult:
     """Give each axis its command at once, and wait at most ``limit`` seconds for all to end.
 
-    An axis that is still braking after that time continues to brake.
+    An axis that is still braking after that time continues to brake. ``stops`` are those of the machine.
     """
     missing = [name for name in axes if name not in machine.axes]
     known = [machine[name] for name in axes if name in machine.axes]
-    commands = [(axis, given(axis, verb)) for axis in known]
+    commands = [(axis, given(axis, verb, stops)) for axis in known]
     handles = [command for _, command in commands if isinstance(command, Handle)]
     for handle in handles:
         look_at_end(handle)  # the client may be gone before it ends
@@ -96,7 +97,8 @@ def _of(axis: Axis, command: Handle | AxisbusError, limit: float) -> MethodResul
     if error is not None:
         return MethodResult(status_of(error), str(error))
     if isinstance(command, Handle) and command.busy:
-        return MethodResult("BadTimeout", f"{command.name}: not completed after {limit:g} s; it continues")
+        after = f"after {limit:g} s" if limit else "yet, and too many calls of this user wait for their ends"
+        return MethodResult("BadTimeout", f"{command.name}: not completed {after}; it continues")
     return MethodResult("Good", _whereabouts(axis))
 
 

@@ -6,6 +6,8 @@ import asyncio
 import logging
 import socket
 import threading
+import time
+from collections import Counter, defaultdict
 from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
@@ -15,6 +17,7 @@ from typing import Any
 from asyncua import Node, Server, ua
 
 from axisbus.cell.model import CellConfig
+from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, StateError, one_line
 from axisbus.gateway.opcua import connection, limits
 from axisbus.gateway.opcua.address_space import URI, AddressSpaceBuilder
@@ -27,6 +30,7 @@ from axisbus.gateway.opcua.server_options import ServerOptions
 from axisbus.gateway.opcua.session import CALLER
 from axisbus.gateway.opcua.trust import Rules, Trust, guarded, trusted, uri_of
 from axisbus.gateway.opcua.value_writer import Updater
+from axisbus.ipc.rate import Bucket
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
@@ -253,23 +257,29 @@ async def _nobody_is_told(_: OpcuaEvent) -> None:
 
 
 class OpcuaMethodCalls:
-    """Carry out methods on the followed machine; ``refused`` is awaited with each failure."""
+    """Carry out methods on the followed machine; ``refused`` is awaited with each failure.
+
+    It holds the running stops of the machine, and of each user the number of calls that wait and the rate of events.
+    """
 
     def __init__(self, looker: AxisReadings, cell: CellConfig) -> None:
         self._looker, self._cell = looker, cell
+        self._stops: tuple[Machine, MergedStops] | None = None
+        self._waiting: Counter[str] = Counter()
+        self._events: defaultdict[str, Bucket] = defaultdict(lambda: Bucket(*limits.REFUSALS))
         self.refused: Callable[[OpcuaEvent], Awaitable[None]] = _nobody_is_told
 
     async def call(self, verb: OpcuaMethod, axis: str) -> ua.CallMethodResult:
         """Carry out a method on an axis, or on all ("").
 
-        By the standard, a call with a bad status has no result, so its text is sent as an event.
+        By the standard, a call with a bad status has no result, so its text is sent as an event, within a rate for each user.
         """
         ended = await self._carried_out(verb, axis)
         log.info("OPC UA: %s of %s for %s: %s", verb.value, axis or "all axes", CALLER.get(), ended.status)
         result = ua.CallMethodResult(StatusCode=ua.StatusCode(getattr(ua.StatusCodes, ended.status)))
         if ended.status == "Good":
             result.OutputArguments = [ua.Variant(ended.text, ua.VariantType.String)]
-        else:
+        elif self._events[CALLER.get()].take(time.monotonic()):
             words = f"{verb.value} of {axis or 'all axes'}, called by {CALLER.get()}, failed"
             await self.refused(OpcuaEvent(self._looker.now(), REFUSED, words, ended.text, axis=axis))
         return result
@@ -282,9 +292,21 @@ class OpcuaMethodCalls:
         try:
             if verb is OpcuaMethod.RESET:
                 return await asyncio.to_thread(self._reset, axes)
-            return await carry_out(machine, verb, axes, limits.HALTING)
+            return await self._stopped(machine, verb, axes)
         except AxisbusError as error:
             return MethodResult(status_of(error), one_line(error))
+
+    async def _stopped(self, machine: Machine, verb: OpcuaMethod, axes: list[str]) -> MethodResult:
+        """Give stops, and wait for their ends, unless too many calls of the user already wait: no stop waits for another."""
+        if self._stops is None or self._stops[0] is not machine:
+            self._stops = machine, MergedStops(machine)
+        user = CALLER.get()
+        limit = limits.HALTING if self._waiting[user] < limits.WAITING_CALLS else 0.0
+        self._waiting[user] += 1
+        try:
+            return await carry_out(machine, verb, axes, self._stops[1], limit)
+        finally:
+            self._waiting[user] -= 1
 
     def _reset(self, axes: list[str]) -> MethodResult:
         """Take control of the machine for the reset, and release it; blocks.
@@ -293,7 +315,8 @@ class OpcuaMethodCalls:
             OwnershipError: another program has control. Also the errors of ``Machine.attach``.
         """
         with Machine.attach(self._cell.file, command=True) as machine:
-            return asyncio.run(carry_out(machine, OpcuaMethod.RESET, axes, limits.HALTING))
+            stops = MergedStops(machine)
+            return asyncio.run(carry_out(machine, OpcuaMethod.RESET, axes, stops, limits.HALTING))
 
 
 # -- Errors and warnings as events of OPC UA, emitted by the server and by the cell's node Incidents -------------------

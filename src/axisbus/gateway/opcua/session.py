@@ -9,6 +9,7 @@ are checked twice: by the rules of its channel (``policies``), and here.
 
 from __future__ import annotations
 
+import asyncio
 import math
 import secrets
 import time
@@ -93,16 +94,20 @@ class GuardedSession(MonitoringSession):
         return found
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
-        """Call methods; permitted only for users with a name."""
+        """Call methods, all at the same time; permitted only for users with a name."""
         _require_few(params, limits.CALLS)
         if not self.is_named:
             refused = ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
             return [ua.CallMethodResult(StatusCode=refused) for _ in params]
         token = CALLER.set(str(self.user.name))
         try:
-            return await super().call(params)
+            called = [self._call(each) for each in params]
+            return [result for results in await asyncio.gather(*called) for result in results]
         finally:
             CALLER.reset(token)
+
+    async def _call(self, method: ua.CallMethodRequest) -> list[ua.CallMethodResult]:
+        return await super().call([method])
 
     # -- subscriptions of the session --------------------------------------------------------------------------------
 
