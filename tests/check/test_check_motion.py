@@ -574,6 +574,23 @@ def test_limits_in_drive_reports_limits_that_the_drive_cannot_hold(tmp_path: Pat
 
 
 @pytest.mark.parametrize(
+    ("offset", "warned"),
+    [("offset = 20.0", True), ("offset = 0.0", False), ("", False)],
+)
+def test_a_home_offset_that_may_shift_the_limits_in_the_drive_is_a_warning(
+    tmp_path: Path, offset: str, warned: bool
+) -> None:
+    """CiA 402-2, 607Dh; Trinamic: PD42-1270 CANopen Firmware Manual V3.19, section 7.1.8."""
+    given = "max_torque = 4.0", "max_torque = 4.0\nlimits_in_drive = true"
+    path = cells.write(tmp_path, given, ("offset = -5.0\n", f"{offset}\n"))
+    found = [each for each in cells.serious(path) if "home offset" in each.message]
+    assert [each.line for each in found] == [cells.line_of(path, "limits_in_drive")] * warned
+    if warned:
+        assert "607Ch (home offset) is 20000 increments" in found[0].observed
+        assert "offset in [axes.x.homing]" in found[0].remedy
+
+
+@pytest.mark.parametrize(
     ("line", "told"),
     [
         ('demand = "ignore"', '6062h is not used (demand = "ignore")'),
