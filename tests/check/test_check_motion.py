@@ -75,6 +75,20 @@ def test_modes_are_those_that_objects_and_6502h_show(
     assert doubt in told.observed
 
 
+def test_a_read_only_event_driven_rpdo_excludes_the_cyclic_mode_of_its_target(tmp_path: Path) -> None:
+    """As in the EDS of Trinamic's TMCM-1276: boot cannot make the PDO synchronous, and each trajectory would be refused."""
+    file = cells.both(cells.entry("1400sub2", DefaultValue="255"), cells.entry("1400sub2", AccessType="ro"))
+    path = cells.write(tmp_path, eds=file)
+    told = cells.note(path, "axis x can run")
+    assert "csp" not in told.message
+    assert (
+        "not csp (csp, csv and cst need synchronous PDOs; 1400h:02 of RPDO1 is 255, and read-only"
+        in told.observed
+    )
+    (group,) = [each for each in cells.serious(path) if "axis x cannot run csp" in each.message]
+    assert "1400h:02 of RPDO1 is 255" in group.observed
+
+
 @pytest.mark.parametrize(
     ("method", "is_error"), [(35, False), (37, False), (-1, False), (-128, False), (17, True), (1, True)]
 )
