@@ -75,6 +75,20 @@ def test_modes_are_those_that_objects_and_6502h_show(
     assert doubt in told.observed
 
 
+def test_a_read_only_event_driven_rpdo_excludes_the_cyclic_mode_of_its_target(tmp_path: Path) -> None:
+    """As in the EDS of Trinamic's TMCM-1276: boot cannot make the PDO synchronous, and each trajectory would be refused."""
+    file = cells.both(cells.entry("1400sub2", DefaultValue="255"), cells.entry("1400sub2", AccessType="ro"))
+    path = cells.write(tmp_path, eds=file)
+    told = cells.note(path, "axis x can run")
+    assert "csp" not in told.message
+    assert (
+        "not csp (csp, csv and cst need synchronous PDOs; 1400h:02 of RPDO1 is 255, and read-only"
+        in told.observed
+    )
+    (group,) = [each for each in cells.serious(path) if "axis x cannot run csp" in each.message]
+    assert "1400h:02 of RPDO1 is 255" in group.observed
+
+
 @pytest.mark.parametrize(
     ("method", "is_error"), [(35, False), (37, False), (-1, False), (-128, False), (17, True), (1, True)]
 )
@@ -571,6 +585,23 @@ def test_limits_in_drive_reports_limits_that_the_drive_cannot_hold(tmp_path: Pat
     assert cells.note(path, "607Dh is relative to the drive's own zero").line == cells.line_of(
         path, "limits_in_drive"
     )
+
+
+@pytest.mark.parametrize(
+    ("offset", "warned"),
+    [("offset = 20.0", True), ("offset = 0.0", False), ("", False)],
+)
+def test_a_home_offset_that_may_shift_the_limits_in_the_drive_is_a_warning(
+    tmp_path: Path, offset: str, warned: bool
+) -> None:
+    """CiA 402-2, 607Dh; Trinamic: PD42-1270 CANopen Firmware Manual V3.19, section 7.1.8."""
+    given = "max_torque = 4.0", "max_torque = 4.0\nlimits_in_drive = true"
+    path = cells.write(tmp_path, given, ("offset = -5.0\n", f"{offset}\n"))
+    found = [each for each in cells.serious(path) if "home offset" in each.message]
+    assert [each.line for each in found] == [cells.line_of(path, "limits_in_drive")] * warned
+    if warned:
+        assert "607Ch (home offset) is 20000 increments" in found[0].observed
+        assert "offset in [axes.x.homing]" in found[0].remedy
 
 
 @pytest.mark.parametrize(

@@ -204,3 +204,16 @@ def test_requested_pdos_count_in_the_bus_load(tmp_path: Path) -> None:
     """Every 100 ms in cycles of 4 ms: 0.04 of a TPDO of 6 bytes and of a remote frame."""
     told = cells.note(cells.write(tmp_path, (PDO, 'transmission = 253\nrtr = "100ms"')), "the bus load is")
     assert "0.04 remote frame x 55" in told.observed
+
+
+@pytest.mark.parametrize(("period", "warned"), [("5000", True), ("4000", False), ("0", False)])
+def test_a_node_with_another_cycle_period_than_the_scan_is_a_warning(
+    tmp_path: Path, period: str, warned: bool
+) -> None:
+    """1006h; Delta's ASDA-A2 reports a lost SYNC if it is not that of its master (github.com/gbcwbz/canfestival-rtt, issue 18)."""
+    path = cells.write(tmp_path, eds=with_object("1006", "0x7", period))
+    found = [each for each in cells.serious(path) if "another period" in each.message]
+    assert [each.rule for each in found] == ["C126"] * (2 * warned)
+    if warned:
+        assert "(1006h) is 5000 µs, and SYNC comes every 4000 µs" in found[0].observed
+        assert found[0].remedy == 'write "1006" = 4000 in [nodes.1.objects]'

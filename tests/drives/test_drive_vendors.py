@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,11 @@ FILES = {
     "Nanotec": "nanotec",
     "Trinamic TMCM": "trinamic",
 }
+WITHOUT_FILES = ("Kollmorgen AKD", "Technosoft iPOS")  # no EDS of theirs is in the corpus
+
+
+def in_corpus(makes: Sequence[DrivePlugin]) -> list[DrivePlugin]:
+    return [make for make in makes if make.name not in WITHOUT_FILES]
 
 
 def of_corpus(name: str) -> list[tuple[Path, Eds]]:
@@ -44,7 +50,7 @@ each_make = pytest.mark.parametrize("make", VENDORS.plugins, ids=lambda make: ma
 
 
 def test_every_make_is_tested() -> None:
-    assert [make.name for make in VENDORS.plugins] == list(FILES)
+    assert sorted(make.name for make in VENDORS.plugins) == sorted([*FILES, *WITHOUT_FILES])
 
 
 @each_make
@@ -71,7 +77,7 @@ def test_a_make_has_error_texts_for_its_codes(make: DrivePlugin) -> None:
 
 
 @pytest.mark.skipif(not corpus_files(), reason="AXISBUS_EDS_CORPUS names no folder of EDS files")
-@each_make
+@pytest.mark.parametrize("make", in_corpus(VENDORS.plugins), ids=lambda make: make.name)
 def test_the_files_of_a_make_have_its_identity_and_its_objects(make: DrivePlugin) -> None:
     files = [(path, eds) for path, eds in of_corpus(make.name) if eds.identity.product_code is not None]
     assert files
@@ -93,7 +99,7 @@ def test_every_product_code_but_those_of_other_files_is_in_the_corpus() -> None:
     known = {eds.identity.product_code for path in corpus_files() if (eds := _usable(path)) is not None}
     missing = {
         make.name: sorted(make.product_codes - known)
-        for make in VENDORS.plugins
+        for make in in_corpus(VENDORS.plugins)
         if make.product_codes - known
     }
     assert missing == {}

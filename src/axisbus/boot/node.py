@@ -332,7 +332,7 @@ class NodeBoot:
         return self._comms.separate_cob_ids(disturb=not self.found_enabled)
 
     def _look_at_sync(self) -> None:
-        """Warn if the node may not react to SYNC, or may discard RPDOs that come too late after it."""
+        """Warn if the node may not react to SYNC, expects it with another period, or may discard RPDOs after it."""
         if not any(axis.in_one_sync for axis in self._report.axes):
             return
         if read_int(self._objects, o301.COB_ID_SYNC) is None:
@@ -346,6 +346,12 @@ class NodeBoot:
             remedy = sync_window.remedy(self._objects.node_id)
             self._report.warnings.append(
                 f"it may discard the master's synchronous RPDOs: {sync_window.closes(window, bus)}; {remedy}"
+            )
+        period = read_int(self._objects, o301.CYCLE_PERIOD)
+        if sync_window.has_other_period(period, bus):
+            remedy = sync_window.period_remedy(self._objects.node_id, bus)
+            self._report.warnings.append(
+                f"it expects SYNC with another period: {sync_window.other_period(period, bus)}; {remedy}"
             )
 
     def _arm(self, control: ErrorControl) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.bus.pdo.mapping import axis_objects
-from axisbus.bus.pdo.plan import make_plan
+from axisbus.bus.pdo.plan import PdoPlan, make_plan
 from axisbus.cell import pdo_tables, scale_proposal
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import feed_forward, interpolates, wanted_of
@@ -49,7 +49,7 @@ def nothing(case: CheckContext) -> Problems:
 def carried(case: CheckContext) -> Problems:
     """Check that the drive has each offset, and that a synchronous PDO carries it."""
     for drive, asked in _asking(case):
-        sources = _sources(case, drive) if case.cell.bus.sync else {}
+        sources = planned(case, drive).outputs if case.cell.bus.sync else {}
         for name in asked.outputs:
             index, line = OFFSET_OBJECTS[name], _line(drive, name)
             message = f"axis {drive.axis.name}: its feed-forward cannot be sent by {own_title(drive, index)}"
@@ -75,11 +75,12 @@ def carried(case: CheckContext) -> Problems:
                 )
 
 
-def _sources(case: CheckContext, drive: Drive) -> dict[str, ValueTransport]:
+def planned(case: CheckContext, drive: Drive) -> PdoPlan:
+    """Return the PDO plan that boot would make for an axis, by the EDS and the cell file."""
     node = drive.node
     device = pdo_tables.device_pdos(node, drive.eds)
     objects = axis_objects(drive.dictionary, device, drive.axis.drive_axis)
-    plan = make_plan(
+    return make_plan(
         node.node_id,
         device,
         objects,
@@ -87,7 +88,6 @@ def _sources(case: CheckContext, drive: Drive) -> dict[str, ValueTransport]:
         policy_of(case.cell, node),
         drive.axis.drive_axis,
     )
-    return plan.outputs
 
 
 def used(case: CheckContext) -> Problems:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from axisbus.cell.axis_description import LIMITS_IN_DRIVE, limits_left_out
+from axisbus.cell.axis_description import LIMITS_IN_DRIVE, Drive, limits_left_out
 from axisbus.cell.model import AxisConfig, SourceLocation
 from axisbus.cell.parameters import axis_parameters, highest_speed
 from axisbus.check.context import Check, CheckContext, Problems, own_title, titles
@@ -13,6 +13,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import homing, objects
 from axisbus.motion.parameters import DemandUse, Handshake
 from axisbus.motion.stop.promises import promises, rows
+from axisbus.wording import counted
 
 
 def _speeds(axis: AxisConfig) -> Iterator[tuple[str, SourceLocation, float]]:
@@ -196,6 +197,22 @@ def in_drive(case: CheckContext) -> Problems:
                 "it equals position_limits after the axis is homed; set_position is refused, because it would not shift it",
                 "check that the drive ignores it while it searches its home",
             )
+            yield from _shifted_by_home_offset(case, drive)
+
+
+def _shifted_by_home_offset(case: CheckContext, drive: Drive) -> Problems:
+    """Warn of limits in the drive that the home offset may shift (CiA 402-2, 607Dh: it is relative to home, not to zero)."""
+    axis = drive.axis
+    offset = drive.number(objects.HOME_OFFSET)
+    if offset:
+        yield case.warning(
+            axis.at.of(LIMITS_IN_DRIVE),
+            f"axis {axis.name}: the home offset may shift the position limits in the drive",
+            f"{own_title(drive, objects.HOME_OFFSET)} is {counted(offset, 'increment')}; a drive that follows CiA 402-2 subtracts "
+            "it from 607Dh: it then stops the axis before one limit, and lets it pass the other",
+            f"set the home offset to 0 (offset in [axes.{axis.name}.homing]) and give the limits relative to home, or delete "
+            f"{LIMITS_IN_DRIVE}; keep both only if the drive's manual says that 607Ch does not change 607Dh",
+        )
 
 
 def promised(case: CheckContext) -> Problems:

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from axisbus.bus.pdo.plan import PlannedPdo
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import interpolates
 from axisbus.cell.parameters import mode_list, modes
 from axisbus.check.context import Check, CheckContext, Problems, title, titles
+from axisbus.check.cyclic_modes import planned
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 
@@ -31,6 +33,11 @@ COMMANDS = {
     _M.CYCLIC_SYNC_VELOCITY: "cyclic_velocity",
     _M.CYCLIC_SYNC_TORQUE: "cyclic_torque",
 }
+_TARGETS = {
+    _M.CYCLIC_SYNC_POSITION: "target_position",
+    _M.CYCLIC_SYNC_VELOCITY: "target_velocity",
+    _M.CYCLIC_SYNC_TORQUE: "target_torque",
+}
 _BY_SHORT_NAME = {facts.short: mode for mode, facts in FACTS.items()}
 
 
@@ -38,7 +45,10 @@ def summary(case: CheckContext) -> Problems:
     """Note the modes of each axis by its objects and 6502h, and the differences between the two."""
     for drive in case.drives:
         shown = mode_list(drive)
-        runs = [FACTS[mode].short for mode in USED if mode in shown.modes]
+        late = {
+            mode: why for mode in USED if mode in shown.modes and (why := event_driven(case, drive, mode))
+        }
+        runs = [FACTS[mode].short for mode in USED if mode in shown.modes and mode not in late]
         unclaimed = [
             f"not {FACTS[mode].short} ({titles(missing)} missing)"
             for mode in USED
@@ -47,7 +57,13 @@ def summary(case: CheckContext) -> Problems:
         yield case.note(
             drive.axis.at.line,
             f"axis {drive.axis.name} can run {', '.join(runs) or 'no mode'}",
-            "; ".join((*shown.doubts, *unclaimed))
+            "; ".join(
+                (
+                    *shown.doubts,
+                    *unclaimed,
+                    *(f"not {FACTS[mode].short} ({why})" for mode, why in late.items()),
+                )
+            )
             or "by the objects of its EDS and 6502h; boot asks the drive",
         )
 
@@ -123,7 +139,9 @@ def groups(case: CheckContext) -> Problems:
         line = group.at.of("axes")
         for name in group.axes:
             drive = drives.get(name)
-            why = no_csp(drive) if drive is not None else ""
+            if drive is None:
+                continue
+            why = no_csp(drive) or event_driven(case, drive, _M.CYCLIC_SYNC_POSITION)
             if why:
                 yield case.warning(
                     line,
@@ -138,6 +156,34 @@ def groups(case: CheckContext) -> Problems:
                 f"sync = false at line {case.cell.bus.at.of('sync')}; csp takes its targets at SYNC",
                 "sync = true in [bus], or only use move_direct",
             )
+
+
+def event_driven(case: CheckContext, drive: Drive, mode: ModeOfOperation) -> str:
+    """Return why the values of a cyclic mode will not be in synchronous PDOs; "" if they will, or if the bus has no SYNC.
+
+    A drive whose EDS has a transmission type read-only keeps its type: boot cannot make such a PDO synchronous.
+    """
+    if not case.cell.bus.sync or mode not in _TARGETS or interpolates(drive):
+        return ""
+    values = {"statusword", "position", _TARGETS[mode]}
+    fixed = [
+        pdo
+        for pdo in planned(case, drive).pdos
+        if values.intersection(pdo.values) and _keeps_events(drive, pdo)
+    ]
+    types = ", ".join(
+        f"{_communication(pdo):04X}h:02 of {pdo.name} is {pdo.before.transmission_type}" for pdo in fixed
+    )
+    return f"csp, csv and cst need synchronous PDOs; {types}, and read-only in the EDS" if fixed else ""
+
+
+def _keeps_events(drive: Drive, pdo: PlannedPdo) -> bool:
+    entry = drive.eds.get(_communication(pdo), 2)
+    return not pdo.before.synchronous and entry is not None and not entry.writable
+
+
+def _communication(pdo: PlannedPdo) -> int:
+    return (0x1400 if pdo.receive else 0x1800) + pdo.before.number - 1
 
 
 def no_csp(drive: Drive) -> str:

@@ -131,8 +131,22 @@ def window(case: CheckContext) -> Problems:
             )
 
 
+def period(case: CheckContext) -> Problems:
+    """Warn of nodes that receive SYNC and have another cycle period (1006h) than the scan."""
+    bus = case.cell.bus
+    for node, eds, _ in case.nodes:
+        value = case.node_number(node, o.CYCLE_PERIOD)
+        if sync_window.has_other_period(value, bus):
+            yield case.warning(
+                node.at.line,
+                f"node {node.node_id} expects SYNC with another period",
+                f"{sync_window.other_period(value, bus)} ({eds.source})",
+                sync_window.period_remedy(node.node_id, bus),
+            )
+
+
 def _said(value: int, eds: Eds) -> str:
     return f"1005h is {value:X}h in {eds.source}"
 
 
-CHECKS: tuple[Check, ...] = (listeners, producers, identifiers, without_effect, counter, window)
+CHECKS: tuple[Check, ...] = (listeners, producers, identifiers, without_effect, counter, window, period)
