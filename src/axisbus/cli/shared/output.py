@@ -26,9 +26,8 @@ def concise_option(text: str) -> Callable[[_F], _F]:
     return click.option("--concise", "concise_out", type=PATH, help=text)
 
 
-def force_option(function: _F) -> _F:
-    """Add ``--force``, without which no existing file is replaced (see ``require_free``)."""
-    return click.option("--force", is_flag=True, help="Replace an existing file.")(function)
+# Without it no existing file is replaced (see ``require_free``).
+force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
 
 
 def require_writable(output: Path | None, concise: Path | None = None) -> None:
