@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
+from axisbus.cli.shared.common import say, say_next
 from axisbus.cli.shared.options import PATH
 from axisbus.errors import UserError
 
@@ -127,3 +128,10 @@ def _is_special(path: Path) -> bool:
 def _cannot(path: Path, error: OSError, option: str = "-o") -> UserError:
     why = f"[Errno {error.errno}] {error.strerror}" if error.errno is not None else str(error)
     return UserError(f"{path} cannot be written", observed=why, remedy=f"give another path with {option}")
+
+
+def write_and_say(path: Path, data: bytes, what: str, next_step: str) -> None:
+    """Write a file as ``write_whole``, and say ``what`` it has, and the next step."""
+    write_whole(path, data)
+    say(f"{path}: {what}")
+    say_next(next_step)
