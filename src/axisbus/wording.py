@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -38,6 +38,11 @@ def counted(number: int, noun: str, several: str = "") -> str:
     return f"{number} {noun}" if number == 1 else f"{number} {several or noun + 's'}"
 
 
+def age_text(seconds: float) -> str:
+    """Return the age of a value in words: milliseconds below a second."""
+    return f"{seconds * 1000:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
+
+
 def with_subject(about: str, text: str) -> str:
     """Return a text after its subject, unless it begins with the subject: "x: it stands", but "x.enable(): done"."""
     if not about or re.match(rf"{re.escape(about)}(?![\w-])", text):
@@ -49,6 +54,12 @@ def listed(names: Iterable[str]) -> str:
     """Return names as an enumeration: "x, y and z"."""
     *first, last = names
     return f"{', '.join(first)} and {last}" if first else last
+
+
+def first_of(texts: Sequence[str], most: int) -> str:
+    """Return at most ``most`` texts, and the number of the others: "x; y; and 3 more"."""
+    rest = f"; and {len(texts) - most} more" if len(texts) > most else ""
+    return "; ".join(texts[:most]) + rest
 
 
 def files_near(folder: Path, name: str, belongs: Callable[[Path], bool]) -> str:

@@ -212,7 +212,7 @@ def test_a_search_matches_if_all_words_are_in_the_name_of_the_object_or_sub_inde
 def test_a_pdo_is_found_by_its_name() -> None:
     eds = small(STATUS)
     assert show.find(eds, "tpdo1").pdo == (False, 1)
-    text = "\n".join(show.pdo_lines(eds, False, 1, 5, Screen()))
+    text = "\n".join(show.pdo_lines(layout.layouts(eds, 5)[0], Screen()))
     assert text.startswith("TPDO1  185h ($NODEID+0x180), on change (type 255)")
     assert "parameters in 1800h and 1A00h" in text
 

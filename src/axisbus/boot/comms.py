@@ -83,7 +83,7 @@ BUSY_TIME = 2.0  # seconds for which a node may be busy during its boot-up, in a
 
 
 class NodeServices:
-    """NMT and the time limits of SDO for one node (``boot.requests.Nmt``); needs no cell file."""
+    """NMT and the time limits of SDO for one node; needs no cell file."""
 
     def __init__(self, node: CanopenNode) -> None:
         self.clock = node.channel.clock
@@ -185,7 +185,7 @@ class CanComms(NodeServices):
             remedy="check its supply, cable and termination, its node ID and bit rate (axisbus scan lists the nodes)",
         )
 
-    def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:  # noqa: ARG002
+    def connect(self, axis: AxisConfig, *, disturb: bool) -> Capabilities:
         """Plan and set the PDOs of an axis, make its port, and load the port with the drive's present values.
 
         If ``disturb`` is false, the drive keeps its PDOs as they are.

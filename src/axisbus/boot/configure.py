@@ -77,7 +77,7 @@ def plan_of(
 
 
 class DriveMonitoringSetup:
-    """Set up the drive's monitoring of the master, and its SYNC and TIME; holds the original values to restore."""
+    """Set up the drive's monitoring of the master; holds the original values to restore."""
 
     def __init__(self, objects: NodeObjects, bus: BusConfig) -> None:
         self._objects = objects
@@ -85,10 +85,6 @@ class DriveMonitoringSetup:
         self._before: list[tuple[int, int, int]] = []  # index, sub-index, original value
         self._refusals: list[str] = []  # the writes that the drive has refused
         self.guarding: float | None = None
-
-    def set_sync(self) -> None:
-        """Set the bus's SYNC and TIME in the node: 1005h, 1019h, 1012h; raises as ``set_services``."""
-        set_services(self._objects, self._bus)
 
     def arm(self, reaction: str | None) -> WatchdogReport:
         """Make the node monitor the master: by 1016h, else by 100Ch and 100Dh (then ``guarding`` holds the period in s).

@@ -6,6 +6,7 @@ from axisbus.boot.configure import writes_of
 from axisbus.boot.objects import NodeObjects
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import CellConfig
+from axisbus.cell.pdo_tables import communication_index
 from axisbus.cia301 import objects as o
 from axisbus.cia402 import objects as cia402_objects
 from axisbus.cia402 import options
@@ -21,12 +22,11 @@ from axisbus.configuration.dcf_values import (
     select,
 )
 from axisbus.configuration.restore import Restore, RestoreReport, ValueEnd
-from axisbus.configuration.write_order import pdo_of
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
 from axisbus.errors import ArgumentError, BootError
-from axisbus.wording import counted
+from axisbus.wording import counted, first_of
 
 _ERROR_CONTROL = frozenset((o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT, o.GUARD_TIME, o.LIFE_TIME_FACTOR))
 _SHOWN = 4
@@ -69,10 +69,10 @@ def own_values(cell: CellConfig, node_id: int, eds: Eds, make: DrivePlugin) -> S
         ArgumentError: a value does not fit its type, or a key of the cell file names no object.
     """
     selection = select(eds, node_id, make)
-    taken = _taken(cell, node_id, eds)
-    pdos = _tables(cell, node_id)
+    taken = {write.address for write in writes_of(cell, node_id, Dictionary(eds, node_id))}
+    pdos = {communication_index(table.receive, table.number) for table in cell.nodes[node_id].pdos}
     items = tuple(
-        item for item in selection.items if item.key not in taken and pdo_of(item.key[0]) not in pdos
+        item for item in selection.items if item.key not in taken and o.pdo_of(item.key[0]) not in pdos
     )
     ours = _bus_objects(cell)
     return Selection(tuple(item for item in items if item.key[0] not in ours), selection.skipped)
@@ -84,34 +84,19 @@ def _bus_objects(cell: CellConfig) -> frozenset[int]:
     return heartbeat | (frozenset((o.COB_ID_SYNC,)) if cell.bus.sync else frozenset[int]())
 
 
-def _taken(cell: CellConfig, node_id: int, eds: Eds) -> frozenset[Key]:
-    return frozenset(write.address for write in writes_of(cell, node_id, Dictionary(eds, node_id)))
-
-
-def _tables(cell: CellConfig, node_id: int) -> frozenset[int]:
-    """Return the communication parameters of the PDOs that have a table of their own in the cell file."""
-    return frozenset(
-        (o.RPDO_COMMUNICATION if table.receive else o.TPDO_COMMUNICATION) + table.number - 1
-        for table in cell.nodes[node_id].pdos
-    )
-
-
 def _require_ok(report: RestoreReport, node_id: int, eds: Eds) -> None:
     failed = report.of(ValueEnd.FAILED, ValueEnd.DIFFERS)
     if not failed:
         return
     first = failed[0].item
-    named = "; ".join(
-        f"{each.item.key[0]:04X}h:{each.item.key[1]:02X}: {each.reason}" for each in failed[:_SHOWN]
-    )
-    rest = f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else ""
+    named = [f"{each.item.key[0]:04X}h:{each.item.key[1]:02X}: {each.reason}" for each in failed]
     raise BootError(
         f"node {node_id} rejects {counted(len(failed), 'value')} of its DCF {eds.source}",
         node=node_id,
         step="configuration",
         index=first.key[0],
         subindex=first.key[1],
-        observed=named + rest,
+        observed=first_of(named, _SHOWN),
         remedy=f"list all differences: axisbus config diff {eds.source} {node_id} ...",
     )
 

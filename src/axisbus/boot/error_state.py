@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from functools import partial
 
+from axisbus.bus.sdo.access import SdoUploads
 from axisbus.cia301 import emcy
 from axisbus.cia301 import objects as o
 from axisbus.cia301.emcy import Emcy, ErrorEntry
@@ -14,13 +15,6 @@ from axisbus.drives.plugin import GENERIC, DrivePlugin
 from axisbus.errors import BusError
 
 _MOST = 3  # entries of 1003h in the text: the newest different ones
-
-
-class ErrorStateUploads(Protocol):
-    """The access to a node's objects that is needed here; raises ``SdoAbort``, and ``BusError`` if the node does not answer."""
-
-    def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Return an object's bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +61,11 @@ class ErrorState:
         return f"its last EMCY, {self.ago:.1f} s ago: {emcy_words(self.last, make)}"
 
 
-def read(objects: ErrorStateUploads, last: Emcy | None = None, ago: float = 0.0) -> ErrorState:
+def read(objects: SdoUploads, last: Emcy | None = None, ago: float = 0.0) -> ErrorState:
     """Read the error state; blocks for a few transfers, or for one if the node does not answer. Raises no node or bus errors."""
     try:
-        register = _number(objects, o.ERROR_REGISTER, 0)
-        history = emcy.read(lambda index, subindex: _number(objects, index, subindex))
+        register = number_if_served(objects.upload, o.ERROR_REGISTER)
+        history = emcy.read(partial(number_if_served, objects.upload))
     except BusError:
         return ErrorState(None, None, last, ago)
     return ErrorState(register, history, last, ago)
-
-
-def _number(objects: ErrorStateUploads, index: int, subindex: int) -> int | None:
-    return number_if_served(objects.upload, index, subindex)

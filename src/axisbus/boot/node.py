@@ -9,21 +9,22 @@ Two rules:
    an unconfigured one), and the report says so. ``axis.enable()`` takes control of it, ``axis.disable()`` switches it off.
 
 ``cia302.bootup`` defines the order of the steps, their tries and their letters. This module adds the needs of a drive: reading the
-state of its power stage before anything is written, the watchdogs, the PDOs, and the report. ``Comms`` contains the services of the
-bus that it uses beside SDO.
+state of its power stage before anything is written, the watchdogs, the PDOs, and the report. ``CanComms`` contains the services of
+the bus that it uses beside SDO.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 from functools import partial
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 from axisbus.boot import dcf, error_state, io, nameplate_comparison, program_text
 from axisbus.boot import failure as ids
-from axisbus.boot.configure import DriveMonitoringSetup, plan_of
+from axisbus.boot.comms import CanComms
+from axisbus.boot.configure import DriveMonitoringSetup, plan_of, set_services
 from axisbus.boot.demand import demand_text
 from axisbus.boot.failure import (
     NAMES_NO_ERROR,
@@ -35,9 +36,8 @@ from axisbus.boot.failure import (
 )
 from axisbus.boot.objects import NodeObjects, Progress, read_int
 from axisbus.boot.report import AxisReport, Booted, NodeReport
-from axisbus.boot.requests import Answerer, Locals, Nmt
+from axisbus.boot.requests import Answerer, Locals
 from axisbus.boot.stop_report import Watchdog, stop_ladder
-from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell import scale_proposal, sync_window
 from axisbus.cell.axis_description import Drive, by_make, of_make
 from axisbus.cell.cyclic_modes import carried, feed_forward, led_modes
@@ -48,10 +48,8 @@ from axisbus.cell.parameters import modes as used_modes
 from axisbus.cell.read_only_values import contradictions
 from axisbus.cell.writes import node_writes
 from axisbus.cia301 import objects as o301
-from axisbus.cia301.emcy import Emcy
 from axisbus.cia302.bootup import boot_up
 from axisbus.cia302.types import DEADLINE, Address, BootOutcome, BootPhase, ErrorControl, Letter
-from axisbus.cia401.signal import IoPoint
 from axisbus.cia402 import modes, options
 from axisbus.cia402 import objects as o
 from axisbus.cia402.axes import own_index
@@ -61,60 +59,13 @@ from axisbus.drives import registry
 from axisbus.drives.plugin import GENERIC
 from axisbus.eds.dictionary import Dictionary
 from axisbus.eds.model import Eds
-from axisbus.errors import AxisbusError, BootError, ConfigError, NodeError, NodeTimeout, SdoError
+from axisbus.errors import AxisbusError, BootError, ConfigError, NodeError, SdoError
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.stop.promises import promises
 from axisbus.wording import counted
 
 _NO_WINDOW = 0xFFFF_FFFF
 _T = TypeVar("_T")
-
-
-class Comms(Nmt, Protocol):
-    """The services of the bus that boot-up needs beside SDO."""
-
-    @property
-    def find_tries(self) -> int:
-        """How often boot-up asks whether the node is present."""
-
-    def nobody(self) -> NodeTimeout:
-        """Return the error of a node that does not answer, with the known state of bus and node."""
-
-    def last_emcy(self) -> tuple[Emcy, float] | None:
-        """Return the node's last emergency message and its age in seconds, None if none has come."""
-
-    def restarts(self) -> int:
-        """Return the number of boot-up messages received from the node since listening began."""
-
-    def connect(self, axis: AxisConfig, disturb: bool, sync_needed: bool) -> Capabilities:
-        """Plan and set the PDOs of one axis; return how its values are transferred."""
-
-    def connect_io(self, points: Sequence[IoPoint]) -> str:
-        """Plan and set the PDOs of the node's inputs and outputs; return how they are transferred, as text."""
-
-    def separate_cob_ids(self, disturb: bool) -> list[str]:
-        """Switch off unused PDOs that have a COB-ID of another node; return which, as texts."""
-
-    def event_timers(self, axis: AxisConfig) -> tuple[EventTimer, ...]:
-        """Return the event timers of the axis's TPDOs that had to be changed, with the result of each change."""
-
-    def follow_emcy(self) -> None:
-        """Listen to emergency messages at the COB-ID of the node's 1014h."""
-
-    def cyclic_rpdos(self) -> list[int]:
-        """Return the numbers (from 1) of the RPDOs that the scan sends continuously, at least as often as the heartbeat."""
-
-    def begin_heartbeat(self) -> None:
-        """Start the master's heartbeat, if it does not run yet."""
-
-    def watch(self, timeout: float | None) -> None:
-        """Monitor the node's heartbeat from now on; ``timeout`` in seconds."""
-
-    def guard(self, period: float) -> None:
-        """Ask for the node's state every ``period`` seconds from now on (node guarding)."""
-
-    def state(self) -> str:
-        """Return the node's NMT state in words."""
 
 
 class NodeBoot:
@@ -126,7 +77,7 @@ class NodeBoot:
         node_id: int,
         eds: Eds,
         objects: NodeObjects,
-        comms: Comms,
+        comms: CanComms,
         progress: Progress | None = None,
         late: bool = False,
         again: bool = False,
@@ -258,7 +209,7 @@ class NodeBoot:
         self._identify(known.identity)
         self._comms.follow_emcy()
         for axis in self._axes:
-            word = read_int(self._objects, own_index(o.STATUSWORD, axis.drive_axis))
+            word = self._value(axis, o.STATUSWORD)
             self._power[axis.name] = PowerState.UNKNOWN if word is None else decode(word)
         if self.found_enabled and self._again:
             raise self._still_enabled()
@@ -284,7 +235,7 @@ class NodeBoot:
             self._report.warnings.clear()  # they were about the previous revision
             self._identify(known.identity)
         self._restarts = self._comms.restarts()
-        self._watch.set_sync()
+        set_services(self._objects, self._cell.bus)
 
     def _apply_dcf(self) -> None:
         """Apply the DCF before the cell file's own objects; skipped if 1020h has the expected date and time (CiA 302-2)."""
@@ -308,7 +259,8 @@ class NodeBoot:
         for axis in self._axes:
             self._parameters[axis.name] = self._step(f"axis {axis.name}", partial(self._axis, axis))
         self._step("inputs and outputs", self._io)
-        self._report.warnings += self._step("PDO configuration", self._separate_cob_ids)
+        separate = partial(self._comms.separate_cob_ids, disturb=not self.found_enabled)
+        self._report.warnings += self._step("PDO configuration", separate)
         self._step("configuration", self._look_at_sync)
         self._step("watchdog", self._arm_deadlines)
         self._add_unread_watchdog()
@@ -327,9 +279,6 @@ class NodeBoot:
         given = [write.address for write in node_writes(self._node, dictionary)]
         told = io.prepare(self._objects, points, alone=not self._axes, given=given)
         self._report.io = (f"transmitted by {self._comms.connect_io(points)}", *told)
-
-    def _separate_cob_ids(self) -> list[str]:
-        return self._comms.separate_cob_ids(disturb=not self.found_enabled)
 
     def _look_at_sync(self) -> None:
         """Warn if the node may not react to SYNC, expects it with another period, or may discard RPDOs after it."""
@@ -393,9 +342,9 @@ class NodeBoot:
         )
 
     def _axis(self, axis: AxisConfig) -> AxisParameters:
-        values = self._unit_values(axis)
+        values = {key: self._value(axis, *key) for key in scale_proposal.OBJECTS}
         parameters = self._live_parameters(axis, values)
-        how = self._comms.connect(axis, not self.found_enabled, bool(list(self._cell.groups_of(axis.name))))
+        how = self._comms.connect(axis, disturb=not self.found_enabled)
         asked, parameters = parameters.feed_forward, carried(parameters, how.outputs)
         if parameters.feed_forward is not asked:
             self._report.warnings.append(
@@ -435,19 +384,9 @@ class NodeBoot:
 
     def _read_only(self, axis: AxisConfig, parameters: AxisParameters) -> list[str]:
         """Describe the commands that will fail because a read-only object of the drive has another value."""
-        drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
-
-        def read(index: int, subindex: int) -> int | None:
-            return read_int(self._objects, own_index(index, axis.drive_axis), subindex)
-
-        found = contradictions(drive, self._cell.bus.scan_period, parameters.modes, read)
+        read = partial(self._value, axis)
+        found = contradictions(self._drive(axis), self._cell.bus.scan_period, parameters.modes, read)
         return [f"{each.message}: {each.observed}; {each.remedy}" for each in found]
-
-    def _unit_values(self, axis: AxisConfig) -> dict[tuple[int, int], int | None]:
-        return {
-            (index, sub): read_int(self._objects, own_index(index, axis.drive_axis), sub)
-            for index, sub in scale_proposal.OBJECTS
-        }
 
     def _require_units(
         self, axis: AxisConfig, values: scale_proposal.Values, scale: scale_proposal.ScaleReport
@@ -470,14 +409,14 @@ class NodeBoot:
         """Return the parameters of cell file and EDS, corrected by the values read from the drive."""
         parameters = axis_parameters(self._cell, axis.name, self._eds, self._make)
         parameters = replace(parameters, units=known_units(axis, values))
-        window = read_int(self._objects, own_index(o.POSITION_WINDOW, axis.drive_axis))
+        window = self._value(axis, o.POSITION_WINDOW)
         if parameters.position_window is None and window and window != _NO_WINDOW:
             parameters = replace(parameters, position_window=window)
         parameters = self._with_following_error(axis, parameters)
-        claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
+        claimed = self._value(axis, o.SUPPORTED_DRIVE_MODES)
         holds = self._option(axis, options.QUICK_STOP) in options.HOLDING_QUICK_STOPS
         read = partial(self._read, axis)
-        drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
+        drive = self._drive(axis)
         used = used_modes(drive, None if claimed is None else modes.supported(claimed))
         parameters = replace(parameters, modes=led_modes(drive, used))
         limits = parameters.limits
@@ -499,28 +438,31 @@ class NodeBoot:
         """Return the modes and the doubts about them: from the cell file, else from the objects and the drive's 6502h."""
         if axis.modes is not None:
             return tuple(modes.short(mode) for mode in sorted(parameters.modes)), ()
-        claimed = read_int(self._objects, own_index(o.SUPPORTED_DRIVE_MODES, axis.drive_axis))
-        drive = Drive.of(axis, self._cell.nodes[axis.node], self._eds)
-        shown = mode_list(drive, None if claimed is None else frozenset(modes.supported(claimed)))
+        claimed = self._value(axis, o.SUPPORTED_DRIVE_MODES)
+        shown = mode_list(self._drive(axis), None if claimed is None else frozenset(modes.supported(claimed)))
         return tuple(modes.short(mode) for mode in shown.modes), shown.doubts
 
-    def _read(self, axis: AxisConfig, index: int) -> int | None:
-        if index in (axis.ignored_objects or ()):
-            return None
-        return read_int(self._objects, own_index(index, axis.drive_axis))
+    def _drive(self, axis: AxisConfig) -> Drive:
+        return Drive.of(axis, self._node, self._eds)
+
+    def _value(self, axis: AxisConfig, index: int, subindex: int = 0) -> int | None:
+        """Read an object of an axis, named by its index on the first axis."""
+        return read_int(self._objects, own_index(index, axis.drive_axis), subindex)
+
+    def _read(self, axis: AxisConfig, index: int, subindex: int = 0) -> int | None:
+        """Read an object of an axis; None also if it is to be ignored."""
+        return None if index in (axis.ignored_objects or ()) else self._value(axis, index, subindex)
 
     def _with_following_error(self, axis: AxisConfig, parameters: AxisParameters) -> AxisParameters:
         """Add the drive's own following error window of its position modes; 0 and FFFFFFFFh mean no monitoring."""
-        window = read_int(self._objects, own_index(o.FOLLOWING_ERROR_WINDOW, axis.drive_axis))
+        window = self._value(axis, o.FOLLOWING_ERROR_WINDOW)
         if not window or window == _NO_WINDOW:
             return parameters
-        time = read_int(self._objects, own_index(o.FOLLOWING_ERROR_TIME_OUT, axis.drive_axis)) or 0
+        time = self._value(axis, o.FOLLOWING_ERROR_TIME_OUT) or 0
         return replace(parameters, drive_following_error=window, drive_following_time=time / 1000)
 
     def _option(self, axis: AxisConfig, option: options.OptionCode) -> int | None:
-        if option.index in (axis.ignored_objects or ()):
-            return None
-        return read_int(self._objects, own_index(option.index, axis.drive_axis), option.subindex)
+        return self._read(axis, option.index, option.subindex)
 
 
 def _travels(how: Capabilities) -> str:

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import dataclass, field
-from typing import Protocol
 
+from axisbus.bus.sdo.access import SdoUploads
 from axisbus.cell.program_file import deadline_for
 from axisbus.cia301 import abort, sdo
 from axisbus.cia301 import objects as o
@@ -36,13 +36,6 @@ _CONTROL_TEXTS = {
     ProgramControl.START: "runs",
     ProgramControl.CLEAR: "cleared: the node has no program",
 }
-
-
-class UploadAccess(Protocol):
-    """The objects of a node, as bytes."""
-
-    def upload(self, index: int, subindex: int = 0) -> bytes:
-        """Return an object's bytes; raises SdoAbort if the node refuses."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,7 +137,7 @@ class ProgramOrder:
 # -- reading -------------------------------------------------------------------------------------------------------------
 
 
-def read_programs(node_id: int, objects: UploadAccess) -> NodePrograms:
+def read_programs(node_id: int, objects: SdoUploads) -> NodePrograms:
     """Read what a node reports about its programs; blocks for some transfers, and writes nothing.
 
     Raises:
@@ -181,7 +174,7 @@ def require_writable(found: NodePrograms) -> None:
         )
 
 
-def verify_program(objects: UploadAccess, found: NodePrograms, data: bytes) -> ProgramVerification:
+def verify_program(objects: SdoUploads, found: NodePrograms, data: bytes) -> ProgramVerification:
     """Compare a node's first program with ``data``: byte by byte if 1F50h can be read, else by 1F56h. Blocks for the transfer."""
     if found.programs and not found.programs[0].runs:
         return ProgramVerification(False, f"its program does not run: {found.programs[0].control_text}")
@@ -235,17 +228,17 @@ def _compared(present: bytes, data: bytes) -> ProgramVerification:
 # -- objects that a node may not have --------------------------------------------------------------------------------------
 
 
-def _number(objects: UploadAccess, index: int, subindex: int) -> int | None:
+def _number(objects: SdoUploads, index: int, subindex: int) -> int | None:
     data = if_served(objects.upload, index, subindex)
     return None if not data else int.from_bytes(data, "little")
 
 
-def _text(objects: UploadAccess, index: int) -> str:
+def _text(objects: SdoUploads, index: int) -> str:
     data = if_served(objects.upload, index)
     return "" if data is None else data.decode("ascii", "replace").strip("\0 ")
 
 
-def _exists(objects: UploadAccess, index: int) -> bool:
+def _exists(objects: SdoUploads, index: int) -> bool:
     """Whether a node has an array. Only sub-index 0 is read: reading another one may transfer a whole memory."""
     try:
         objects.upload(index)

@@ -124,6 +124,7 @@ class NodeReport:
 
 
 def _axis_lines(axis: AxisReport) -> list[str]:
+    rated = axis.rated_torque
     lines = [
         f"  axis {axis.name}",
         f"    {'power stage':<14}{axis.power}"
@@ -131,7 +132,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         f"    {'modes':<14}{', '.join(axis.modes) or 'none'}",
         *(f"    {'':<14}{doubt}" for doubt in axis.mode_doubts),
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
-        *_torque_lines(axis.rated_torque),
+        *([f"    {'rated torque':<14}{rated.configured}; {rated.proposed}"] if rated is not None else []),
         *(f"    {limit:<16}{text}" for limit, text in rows(axis.promises)),
         f"    {'travels by':<14}{axis.travels}",
         *(f"    {'event timer':<14}{timer}" for timer in axis.event_timers),
@@ -148,10 +149,6 @@ def _axis_lines(axis: AxisReport) -> list[str]:
     width = max(len(row[1]) for row in axis.ladder.rows)
     lines += [f"      {title:<15}{what:<{width}}  {text}" for title, what, text in axis.ladder.rows]
     return lines
-
-
-def _torque_lines(rated: ScaleReport | None) -> list[str]:
-    return [] if rated is None else [f"    {'rated torque':<14}{rated.configured}; {rated.proposed}"]
 
 
 def _axis(axis: AxisReport) -> dict[str, Any]:

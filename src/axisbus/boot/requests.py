@@ -3,42 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Mapping
-from contextlib import AbstractContextManager
-from typing import Protocol
 
+from axisbus.boot.comms import NodeServices
 from axisbus.boot.objects import NodeObjects, Progress
 from axisbus.cia301.datatypes import Value
-from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.nmt import NmtState
 from axisbus.cia302 import types as b
-from axisbus.clock import Clock
 from axisbus.errors import AxisbusError, NodeRefused, NodeTimeout, SdoAbort, SdoError
-
-
-class Nmt(Protocol):
-    """The services of a node that boot-up needs beside SDO."""
-
-    @property
-    def clock(self) -> Clock:
-        """The clock in which they block."""
-
-    def command(self, command: NmtCommand, deadline: float, *, always: bool = False) -> NmtState:
-        """Send an NMT command and return the confirmed state; raises ``NodeTimeout``. ``always``: see ``BootNmtCommand``."""
-
-    def listen(self, deadline: float) -> NmtState | None:
-        """Return the state of the next heartbeat, None if none comes."""
-
-    def ask(self, deadline: float) -> NmtState | None:
-        """Return the state by node guarding, None if no answer comes."""
-
-    def pause(self, seconds: float) -> None:
-        """Wait for ``seconds``; blocks."""
-
-    def repeating_busy(self) -> AbstractContextManager[None]:
-        """Inside the ``with`` block, repeat SDO requests that the node refuses because it is busy, for a limited time."""
-
-    def trying(self, tries: int, deadline: float) -> AbstractContextManager[None]:
-        """Inside the ``with`` block, make each SDO request up to ``tries`` times, with ``deadline`` seconds each."""
-
 
 Locals = Mapping[b.BootPhase, Callable[[b.BootOutcome], bool | None]]
 
@@ -49,7 +20,7 @@ class Answerer:
     def __init__(
         self,
         objects: NodeObjects,
-        nmt: Nmt,
+        nmt: NodeServices,
         local: Locals,
         progress: Progress | None = None,
     ) -> None:

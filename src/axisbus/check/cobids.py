@@ -28,6 +28,14 @@ RESTRICTED: tuple[tuple[range, str], ...] = (
 )
 
 
+def reserved_for(cob_id: int) -> str:
+    """Return why PDOs, SYNC and TIME may not have a COB-ID; empty if they may."""
+    use = next((use for ids, use in RESTRICTED if cob_id in ids), "")
+    if not use:
+        return ""
+    return f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 7.3.5)"
+
+
 class Use(NamedTuple):
     """One producer of a COB-ID; ``line`` is the line of the cell file that defines it.
 
@@ -65,12 +73,11 @@ def restricted(case: CheckContext) -> Problems:
             if each.config is None or each.config.cob_id is None:
                 continue
             cob_id, line = each.config.cob_id, each.config.at.of("cob_id")
-            use = next((use for ids, use in RESTRICTED if cob_id in ids), None)
-            if use is not None:
+            if why := reserved_for(cob_id):
                 yield case.error(
                     line,
                     f"node {node.node_id}: {each.name} cannot have the COB-ID {cob_id:03X}h",
-                    f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 7.3.5)",
+                    why,
                     f"leave cob_id out, or choose one from 181h to 57Fh{_by_default(each, node)}",
                 )
 

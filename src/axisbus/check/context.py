@@ -58,6 +58,11 @@ class CheckContext:
         value = written.get((index, subindex), initial(dictionary, node.node_id, index, subindex))
         return value if isinstance(value, int) else None
 
+    @property
+    def drive_of(self) -> Mapping[str, Drive]:
+        """The drives by the names of their axes."""
+        return {drive.axis.name: drive for drive in self.drives}
+
     def error(self, line: int, message: str, observed: str = "", remedy: str = "") -> CellProblem:
         """Return an error about the cell file."""
         return CellProblem(Severity.ERROR, self.cell.file, line, message, observed, remedy)

@@ -178,11 +178,7 @@ def by_interpolation(case: CheckContext) -> Problems:
             else "modes names ip",
             'if the drive has csp, name it: modes = ["pp", "csp", ...]',
         )
-        device = pdo_tables.device_pdos(drive.node, drive.eds)
-        objects = axis_objects(drive.dictionary, device, axis.drive_axis)
-        wanted, policy = wanted_of(axis, drive.node, drive.eds), policy_of(case.cell, drive.node)
-        plan = make_plan(drive.node.node_id, device, objects, wanted, policy, axis.drive_axis)
-        if plan.outputs["interpolation_target"] is not ValueTransport.SYNC_PDO:
+        if _sources(case, drive)["interpolation_target"] is not ValueTransport.SYNC_PDO:
             yield case.error(
                 line,
                 f"axis {axis.name}: its set-points of ip (60C1h:01) cannot be sent with SYNC",

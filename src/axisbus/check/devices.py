@@ -16,7 +16,7 @@ from axisbus.drives import registry
 from axisbus.drives.plugin import GENERIC
 from axisbus.drives.registry import make_of
 from axisbus.eds import builtin
-from axisbus.eds.model import Eds, EdsFinding, Severity
+from axisbus.eds.model import BAUD_RATES, Eds, EdsFinding, Severity
 from axisbus.errors import ArgumentError, EdsError, LimitError
 from axisbus.wording import counted
 
@@ -225,17 +225,17 @@ def bitrate(case: CheckContext) -> Problems:
     bus = case.cell.bus
     if bus.bitrate is None or has_own_interface(case.cell):
         return
-    if bus.bitrate // 1000 not in _RATES or bus.bitrate % 1000:
+    if bus.bitrate // 1000 not in BAUD_RATES or bus.bitrate % 1000:
         yield case.warning(
             bus.at.of("bitrate"),
             f"{bus.bitrate} bit/s is not a bitrate of CANopen",
-            f"CiA 301 has {', '.join(map(str, _RATES))} kbit/s",
+            f"CiA 301 has {', '.join(map(str, BAUD_RATES))} kbit/s",
             "write the rate that is set in the drives",
         )
         return
     for node, eds, _ in case.nodes:
         device = eds.info.get("deviceinfo", {})
-        has = [rate for rate in _RATES if device.get(f"baudrate_{rate}", "0").strip() == "1"]
+        has = [rate for rate in BAUD_RATES if device.get(f"baudrate_{rate}", "0").strip() == "1"]
         if has and bus.bitrate // 1000 not in has:
             yield case.warning(
                 bus.at.of("bitrate"),
@@ -244,8 +244,6 @@ def bitrate(case: CheckContext) -> Problems:
                 "write a rate that every node has, and set the nodes to it",
             )
 
-
-_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s (CiA 301)
 
 CHECKS: tuple[Check, ...] = (
     defects,

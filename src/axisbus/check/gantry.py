@@ -140,7 +140,7 @@ def in_groups(case: CheckContext) -> Problems:
 def in_step(case: CheckContext) -> Problems:
     """Check that both axes can be commanded in each cycle; warn if their feedback comes at different rates or too seldom."""
     period = case.cell.bus.scan_period
-    drives = {drive.axis.name: drive for drive in case.drives}
+    drives = case.drive_of
     for gantry, *axes in _driven(case):
         line = gantry.at.of("axes")
         if not case.cell.bus.sync:
@@ -183,7 +183,7 @@ def _paces(case: CheckContext, axis: AxisConfig) -> list[int]:
 
 def homing(case: CheckContext) -> Problems:
     """Check that the drives of a pair that is homed by switches have touch probes, and that the homing velocity is allowed."""
-    drives = {drive.axis.name: drive for drive in case.drives}
+    drives = case.drive_of
     for gantry, *axes in _driven(case):
         plan = gantry.homing
         if plan is None:

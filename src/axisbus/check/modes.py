@@ -134,7 +134,7 @@ def homing_left_out(case: CheckContext) -> Problems:
 
 def groups(case: CheckContext) -> Problems:
     """Warn of groups whose ``move_linear`` will be refused: it needs csp on each axis, and SYNC."""
-    drives = {drive.axis.name: drive for drive in case.drives}
+    drives = case.drive_of
     for group in case.cell.groups.values():
         line = group.at.of("axes")
         for name in group.axes:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.cell import sync_window
 from axisbus.cell.model import BusConfig
-from axisbus.check.cobids import RESTRICTED
+from axisbus.check.cobids import reserved_for
 from axisbus.check.context import Check, CheckContext, Problems
 from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
@@ -77,12 +77,12 @@ def identifiers(case: CheckContext) -> Problems:
         ("time_cob_id", bus.time_cob_id, cob.TIME, bus.time is not None),
     )
     for key, cob_id, own, used in wanted:
-        use = next((use for ids, use in RESTRICTED if cob_id in ids and cob_id != own), None)
-        if used and use is not None:
+        why = reserved_for(cob_id) if used and cob_id != own else ""
+        if why:
             yield case.error(
                 bus.at.of(key),
                 f"{key} cannot be {cob_id:03X}h",
-                f"it is {'restricted' if use == 'reserved' else f'that of {use}'} (CiA 301 7.3.5)",
+                why,
                 f"leave {key} out: by default {own:03X}h",
             )
 

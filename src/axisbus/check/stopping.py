@@ -169,7 +169,7 @@ class _Deceleration(NamedTuple):
 
 def ladder_times(case: CheckContext) -> Problems:
     """Warn if braking from full speed takes longer than the deadline of the step of the stop sequence."""
-    drives = {drive.axis.name: drive for drive in case.drives}
+    drives = case.drive_of
     for axis in case.cell.axes.values():
         stop, times, drive = axis.stop, StopTimes(), drives.get(axis.name)
         speed = axis.max_velocity or axis.defaults.velocity

@@ -68,3 +68,14 @@ def is_pdo_parameter(index: int) -> bool:
 def is_pdo_mapping(index: int) -> bool:
     """Whether an object is the mapping parameter of a PDO, whose sub-indices above 0 name the mapped objects."""
     return any(first <= index < first + PDOS_OF_A_KIND for first in (RPDO_MAPPING, TPDO_MAPPING))
+
+
+def is_pdo_communication(index: int) -> bool:
+    """Whether an object is the communication parameter of a PDO."""
+    return any(first <= index < first + PDOS_OF_A_KIND for first in (RPDO_COMMUNICATION, TPDO_COMMUNICATION))
+
+
+def pdo_of(index: int) -> int | None:
+    """Return the communication parameter of the PDO to which an object belongs, None if it belongs to no PDO."""
+    mapped = index - RPDO_MAPPING + RPDO_COMMUNICATION
+    return next((first for first in (index, mapped) if is_pdo_communication(first)), None)

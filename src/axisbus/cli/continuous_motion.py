@@ -6,20 +6,18 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
 
 import click
 
 from axisbus import wait
 from axisbus.check.run import checked
-from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, movers, sides_of
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.completion import complete_targets
-from axisbus.cli.shared.enabled_axes import commanded, enable, say_position
-from axisbus.cli.shared.options import PATH, Seconds, beside_option, parse_targets
+from axisbus.cli.shared.enabled_axes import MotionOptions, commanded, enable, motion_options, say_position
+from axisbus.cli.shared.options import PATH, Seconds, parse_targets
 from axisbus.cli.shared.progress import MoverProgress, draw, follow, speed_text
-from axisbus.cli.shared.recordings import record_option, recorded
+from axisbus.cli.shared.recordings import recorded
 from axisbus.errors import StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.dry_run import DryRun
@@ -39,14 +37,9 @@ _LOOK = 0.1  # seconds
 _HOLD = 0.5  # seconds after which the core halts the axes if this command no longer runs, for example suspended (Ctrl-Z)
 
 
-_Function = TypeVar("_Function", bound=Callable[..., object])
-
-
-def for_option(function: _Function) -> _Function:
-    """Add --for: the seconds after which the axes are halted."""
-    return click.option(
-        "--for", "seconds", type=Seconds(0.0), help="Halt after this many seconds; without it, at Ctrl-C."
-    )(function)
+for_option = click.option(
+    "--for", "seconds", type=Seconds(0.0), help="Halt after this many seconds; without it, at Ctrl-C."
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,14 +54,14 @@ class TimedMotion:
     begin: Callable[[Mover, float], Handle]
     unit: Callable[[Mover], str]
 
-    def run(self, cell: Path, seconds: float | None, *, record: Path | None, beside: bool, take: bool) -> int:
+    def run(self, cell: Path, seconds: float | None, how: MotionOptions) -> int:
         """Enable the axes, move them, halt them, and restore their previous state."""
         config = checked(cell)
         sides = sides_of(config, self.wanted, self.verb)
         self._rehearse(DryRun(config))  # report impossible requests before the bus is opened
         with (
-            commanded(cell, sides, take=take, beside=beside) as (machine, _),
-            recorded(machine, record) as recording,
+            commanded(cell, sides, how) as (machine, _),
+            recorded(machine, how.record) as recording,
         ):
             known = {name: facts.parameters for name, facts in machine.session.axes.items()}
             self._rehearse(DryRun(config, known))  # with the values of the drives, before they are enabled
@@ -139,17 +132,13 @@ def _require_turning(axis: Axis) -> None:
 )
 @click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axes' defaults.")
 @for_option
-@record_option
-@beside_option
-@take_option
+@motion_options
 def velocity_command(
     cell: Path,
     targets: tuple[str, ...],
     acceleration: float | None,
     seconds: float | None,
-    record: Path | None,
-    beside: bool,
-    take: bool,
+    how: MotionOptions,
 ) -> int:
     """Enable axes or pairs of CELL and move them at a velocity: axisbus velocity cell.toml x=30 y=-15 --for 5s
 
@@ -160,7 +149,7 @@ def velocity_command(
         parse_targets(targets, "VELOCITY"),
         lambda mover, value: mover.move_velocity(value, acceleration=acceleration),
         lambda mover: f"{mover.unit}/s",
-    ).run(cell, seconds, record=record, beside=beside, take=take)
+    ).run(cell, seconds, how)
 
 
 # -- ``axisbus torque``: enable axes and apply torques -----------------------------------------------------------------
@@ -171,17 +160,9 @@ def velocity_command(
 @click.argument("targets", nargs=-1, required=True, metavar="AXIS=TORQUE...", shell_complete=complete_targets)
 @click.option("--slope", type=float, help="Slope in N·m/s, instead of the axes' defaults.")
 @for_option
-@record_option
-@beside_option
-@take_option
+@motion_options
 def torque_command(
-    cell: Path,
-    targets: tuple[str, ...],
-    slope: float | None,
-    seconds: float | None,
-    record: Path | None,
-    beside: bool,
-    take: bool,
+    cell: Path, targets: tuple[str, ...], slope: float | None, seconds: float | None, how: MotionOptions
 ) -> int:
     """Enable axes of CELL and apply a torque in profile torque mode: axisbus torque cell.toml x=0.5 --for 2s
 
@@ -193,7 +174,7 @@ def torque_command(
         parse_targets(targets, "TORQUE"),
         lambda mover, value: _axis(mover).torque_control(value, slope=slope),
         lambda _: "N·m",
-    ).run(cell, seconds, record=record, beside=beside, take=take)
+    ).run(cell, seconds, how)
 
 
 def _axis(mover: Mover) -> Axis:

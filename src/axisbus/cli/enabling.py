@@ -13,10 +13,10 @@ from axisbus.cli.shared.attach_or_open import machine_of, running, take_option
 from axisbus.cli.shared.axes_and_pairs import all_axes, as_pairs, movers
 from axisbus.cli.shared.common import OK, say, say_next, with_page
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.enabled_axes import commanded, enable, say_state
+from axisbus.cli.shared.enabled_axes import MotionOptions, commanded, enable, motion_options, say_state
 from axisbus.cli.shared.enabled_axes import home as find_home
 from axisbus.cli.shared.options import PATH, beside_option
-from axisbus.cli.shared.recordings import record_option, recorded
+from axisbus.cli.shared.recordings import recorded
 from axisbus.machine.dry_run import DryRun
 
 # -- ``axisbus enable``: enable axes of a running machine --------------------------------------------------------------
@@ -49,10 +49,8 @@ def enable_command(cell: Path, axes: tuple[str, ...], take: bool) -> int:
 @click.command("home")
 @click.argument("cell", type=PATH)
 @click.argument("axes", nargs=-1, shell_complete=complete_axes)
-@record_option
-@beside_option
-@take_option
-def home_command(cell: Path, axes: tuple[str, ...], record: Path | None, beside: bool, take: bool) -> int:
+@motion_options
+def home_command(cell: Path, axes: tuple[str, ...], how: MotionOptions) -> int:
     """Boot CELL, enable its axes (or the named axes, groups or pairs), home them as their homing tables say, stop and disable
     them.
 
@@ -67,8 +65,8 @@ def home_command(cell: Path, axes: tuple[str, ...], record: Path | None, beside:
             each.home()
 
     with (
-        commanded(cell, axes_of_all, take=take, beside=beside, before=rehearse) as (machine, _),
-        recorded(machine, record) as recording,
+        commanded(cell, axes_of_all, how, rehearse) as (machine, _),
+        recorded(machine, how.record) as recording,
     ):
         chosen = movers(machine, names)
         enable(chosen)

@@ -14,14 +14,13 @@ from pathlib import Path
 import click
 
 from axisbus.check.run import checked
-from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.axes_and_pairs import require_no_pair
 from axisbus.cli.shared.common import echo
 from axisbus.cli.shared.completion import complete_axes
-from axisbus.cli.shared.enabled_axes import commanded, enable, say_position
-from axisbus.cli.shared.options import PATH, beside_option
+from axisbus.cli.shared.enabled_axes import MotionOptions, commanded, enable, motion_options, say_position
+from axisbus.cli.shared.options import PATH
 from axisbus.cli.shared.progress import draw, speed_text
-from axisbus.cli.shared.recordings import record_option, recorded
+from axisbus.cli.shared.recordings import recorded
 from axisbus.errors import Interrupted, Stopped, with_alarm
 from axisbus.machine.axis import Axis
 from axisbus.machine.dry_run import DryRun
@@ -129,17 +128,9 @@ _SIGN = {TerminalKey.FORWARD: 1.0, TerminalKey.BACK: -1.0}
     "--velocity", type=float, help="Velocity in unit/s, instead of that of [axes.NAME.defaults] in CELL."
 )
 @click.option("--acceleration", type=float, help="Acceleration in unit/s², instead of the axis's default.")
-@record_option
-@beside_option
-@take_option
+@motion_options
 def command(
-    cell: Path,
-    axis: str,
-    velocity: float | None,
-    acceleration: float | None,
-    record: Path | None,
-    beside: bool,
-    take: bool,
+    cell: Path, axis: str, velocity: float | None, acceleration: float | None, how: MotionOptions
 ) -> int:
     """Enable AXIS of CELL and move it by the arrow keys; each key press moves it for 0.2 s, and holding the key continues the
     motion.
@@ -167,8 +158,8 @@ def command(
     rehearse()
     with (
         keyboard() as keys,
-        commanded(cell, [axis], take=take, beside=beside) as (machine, [moved]),
-        recorded(machine, record) as recording,
+        commanded(cell, [axis], how) as (machine, [moved]),
+        recorded(machine, how.record) as recording,
     ):
         enable([moved])
         echo(f"{axis}: arrow keys move it at {speed:g} {moved.unit}/s, space halts, q ends", err=True)

@@ -9,14 +9,20 @@ from pathlib import Path
 import click
 
 from axisbus.check.run import checked
-from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.axes_and_pairs import Mover, has_drive, movers, sides_of
 from axisbus.cli.shared.common import say, say_next
 from axisbus.cli.shared.completion import complete_targets
-from axisbus.cli.shared.enabled_axes import commanded, enable, home, say_position
-from axisbus.cli.shared.options import PATH, Seconds, beside_option, parse_targets
+from axisbus.cli.shared.enabled_axes import (
+    MotionOptions,
+    commanded,
+    enable,
+    home,
+    motion_options,
+    say_position,
+)
+from axisbus.cli.shared.options import PATH, Seconds, parse_targets
 from axisbus.cli.shared.progress import MoverProgress, follow
-from axisbus.cli.shared.recordings import record_option, recorded
+from axisbus.cli.shared.recordings import recorded
 from axisbus.machine.axis import Axis
 from axisbus.machine.dry_run import DryRun
 from axisbus.machine.handle import Handle
@@ -36,9 +42,7 @@ from axisbus.machine.handle import Handle
 @click.option(
     "--timeout", type=Seconds(), help="Time-out of each move in seconds, instead of the calculated time."
 )
-@record_option
-@beside_option
-@take_option
+@motion_options
 def command(
     cell: Path,
     targets: tuple[str, ...],
@@ -47,9 +51,7 @@ def command(
     relative: bool,
     home_first: bool,
     timeout: float | None,
-    record: Path | None,
-    beside: bool,
-    take: bool,
+    how: MotionOptions,
 ) -> int:
     """Boot CELL, enable the axes or pairs named, move them, stop and disable them: axisbus move cell.toml x=90 y=-45 --velocity 30
 
@@ -65,12 +67,12 @@ def command(
     def rehearse() -> None:
         course.rehearse(rehearsal, home_first)  # report impossible requests before the bus is opened
 
-    with commanded(cell, sides, take=take, beside=beside, before=rehearse) as (machine, axes):
+    with commanded(cell, sides, how, rehearse) as (machine, axes):
         for axis in axes:
             rehearsal.see(axis.name, axis.snapshot)
         rehearse()  # again with the actual positions, before any axis is enabled
         chosen = movers(machine, wanted)
-        with recorded(machine, record) as recording:
+        with recorded(machine, how.record) as recording:
             enable(chosen)
             if home_first:
                 home(machine, [each for each in chosen if has_drive(config, each.name)])

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -16,7 +15,7 @@ from axisbus.cli.shared.attached_nodes import joined, open_nodes
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_error, say_json, say_next, say_note
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
-from axisbus.cli.shared.options import PATH, NumberType, Seconds
+from axisbus.cli.shared.options import PATH, NumberType, Seconds, packed, together
 from axisbus.configuration import guarded_write
 from axisbus.configuration.program_image import ProgramImage, read_image
 from axisbus.wording import counted
@@ -27,25 +26,27 @@ if TYPE_CHECKING:
     from axisbus.machine.node_access import NodeAccess
 
 
-def file_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the options that define how the bytes are taken from FILE."""
-    for decorate in (
-        click.option(
-            "--start",
-            type=NumberType(32),
-            metavar="ADDRESS",
-            help="Address of the first byte, if it is not the lowest one in FILE.",
-        ),
-        click.option(
-            "--fill",
-            type=NumberType(8),
-            metavar="BYTE",
-            help="Byte for the gaps in FILE, such as 0xFF.",
-        ),
-        click.option("--raw", is_flag=True, help="Send the bytes of FILE as they are, whatever its format."),
-    ):
-        function = decorate(function)
-    return function
+class _Form(NamedTuple):
+    """How the bytes are taken from FILE, as for ``read_image``."""
+
+    raw: bool
+    fill: int | None
+    start: int | None
+
+
+_file_options = together(
+    click.option("--raw", is_flag=True, help="Send the bytes of FILE as they are, whatever its format."),
+    click.option(
+        "--fill", type=NumberType(8), metavar="BYTE", help="Byte for the gaps in FILE, such as 0xFF."
+    ),
+    click.option(
+        "--start",
+        type=NumberType(32),
+        metavar="ADDRESS",
+        help="Address of the first byte, if it is not the lowest one in FILE.",
+    ),
+    packed(_Form, "form"),
+)
 
 
 # -- ``axisbus program show`` --------------------------------------------------------------------------------------------
@@ -129,24 +130,16 @@ def _plain(found: NodePrograms) -> dict[str, Any]:
 @click.argument("file", type=PATH)
 @click.argument("node", shell_complete=complete_node)
 @node_options
-@file_options
+@_file_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def verify_command(
-    file: Path,
-    node: str,
-    asked: NodeOptions,
-    raw: bool,
-    fill: int | None,
-    start: int | None,
-    as_json: bool,
-) -> int:
+def verify_command(file: Path, node: str, asked: NodeOptions, form: _Form, as_json: bool) -> int:
     """Compare the program of NODE with FILE: byte by byte if the node returns its program (1F50h), otherwise by its
     identification (1F56h), if that is a usual checksum of the bytes.
 
     Reads only, also while the machine runs. Exit code 1 when the program is another one, or when this cannot be decided.
     """
     require_bus(asked)
-    image = read_image(file, raw=raw, fill=fill, start=start)
+    image = read_image(file, **form._asdict())
     files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     with ExitStack() as stack:
@@ -178,7 +171,7 @@ def _show_verification(node_id: int, result: ProgramVerification) -> None:
 @click.argument("file", type=PATH)
 @click.argument("node", shell_complete=complete_node)
 @node_options
-@file_options
+@_file_options
 @click.option(
     "--identification",
     type=NumberType(32),
@@ -196,9 +189,7 @@ def write_command(
     file: Path,
     node: str,
     asked: NodeOptions,
-    raw: bool,
-    fill: int | None,
-    start: int | None,
+    form: _Form,
     identification: int | None,
     deadline: float | None,
     take: bool,
@@ -220,7 +211,7 @@ def write_command(
     axisbus program write firmware.bin 5 -i socketcan -c can0 --raw
     """
     require_bus(asked)
-    image = read_image(file, raw=raw, fill=fill, start=start)
+    image = read_image(file, **form._asdict())
     files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     order = program_facts.ProgramOrder(image.data, identification, deadline)

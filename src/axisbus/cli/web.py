@@ -67,7 +67,7 @@ def command(
     axes that the page moves halt.
     """
     require_nicegui()
-    tls = _tls(certificate, key)
+    tls = certificate_files(certificate, key)
     if not (tls or insecure or served.is_loopback(served.resolved(listen))):
         raise click.UsageError(
             f"{listen} can be reached by others: give --certificate and --key, or --insecure if the network is trusted"
@@ -89,7 +89,13 @@ def command(
     return OK
 
 
-def _tls(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None:
+def certificate_files(certificate: Path | None, key: Path | None) -> tuple[Path, Path] | None:
+    """Return the files of a server's certificate and its key, which are checked; None if neither is given.
+
+    Raises:
+        UsageError: only one is given.
+        StateError: they cannot be used.
+    """
     if (certificate is None) is not (key is None):
         raise click.UsageError(
             "a certificate and its key go together: give --certificate and --key, or neither"

@@ -17,13 +17,13 @@ from axisbus.eds.concise_dcf_values import check_understood
 from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.model import Eds, Variable
 from axisbus.errors import ArgumentError, AxisbusError, EdsError, LimitError
-from axisbus.wording import counted
+from axisbus.wording import counted, first_of
 
 Key = tuple[int, int]
 
 _REFUSES_DOWNLOAD = 1  # bit 0 of ObjFlags (DS 306 4.6.3.3)
 _OWN_SDO_SERVER = 0x1200  # the SDO channel that the master uses
-_PDO_MAPPINGS = (range(0x1600, 0x1800), range(0x1A00, 0x1C00))
+
 # Limits that are wrong in many files: only the range of UNSIGNED32 limits these objects.
 _UNLIMITED = frozenset((o.CONSUMER_HEARTBEAT,))
 _SHOWN = 5
@@ -160,10 +160,9 @@ def require_within_limits(items: Collection[Item], eds: Eds, node_id: int) -> No
         except LimitError as error:
             found.append(f"{error.message} ({error.observed})")
     if found:
-        rest = f"; and {len(found) - _SHOWN} more" if len(found) > _SHOWN else ""
         raise LimitError(
             f"{eds.source} has values beyond its own limits; nothing was written",
-            observed="; ".join(found[:_SHOWN]) + rest,
+            observed=first_of(found, _SHOWN),
             remedy="correct the value or the limit in the file, leave the object out with --exclude, or give --ignore-limits",
         )
 
@@ -225,7 +224,7 @@ def _short(key: Key) -> str:
 
 
 def _unused(eds: Eds, variable: Variable, node_id: int) -> bool:
-    if not any(variable.index in each for each in _PDO_MAPPINGS):
+    if not o.is_pdo_mapping(variable.index):
         return False
     count = eds.get(variable.index, 0)
     number = count.initial(node_id) if count is not None else None
@@ -238,7 +237,7 @@ def _check_count(eds: Eds, item: Item) -> None:
     Raises:
         EdsError: the number is too large.
     """
-    if item.key[1] or not any(item.key[0] in each for each in _PDO_MAPPINGS):
+    if item.key[1] or not o.is_pdo_mapping(item.key[0]):
         return
     number = int.from_bytes(item.data, "little")
     if number > MAX_BITS and number not in _MULTIPLEXED:

@@ -171,7 +171,7 @@ def energised(node: ByObjects) -> list[str]:
     for index in _STATUSWORDS:
         if index != c402.STATUSWORD and node.eds is not None and index not in node.eds:
             continue
-        word = _number(node, index)
+        word = number_if_served(node.sdo.upload, index)
         if word is None and node.eds is None:
             break  # without an EDS, the first missing axis is taken as the end
         if word is not None and state.decode(word) in state.ENERGISED:
@@ -190,14 +190,23 @@ def moves(eds: Eds | None, entry: DictionaryEntry) -> bool:
     return calibrates or first_axis(entry.index) in MOVING
 
 
-def _require_at_rest(node: ByObjects) -> None:
+def require_not_energised(
+    node: ByObjects, what: str, remedy: str = "stop it first: axisbus stop CELL"
+) -> None:
+    """Check that no drive of a node is energised; ``what`` continues the message. Blocks for a transfer for each axis.
+
+    Raises:
+        StateError: a drive is energised.
+        SdoError, AdapterError: the node does not answer.
+    """
     found = energised(node)
     if found:
-        raise StateError(
-            f"node {node.node_id} is energised, and any write may move it; nothing was sent",
-            observed="; ".join(found),
-            remedy=f"stop it first (axisbus stop CELL), or {_MAY_MOVE}",
-        )
+        raise StateError(f"node {node.node_id} is energised{what}", observed="; ".join(found), remedy=remedy)
+
+
+def _require_at_rest(node: ByObjects) -> None:
+    remedy = f"stop it first (axisbus stop CELL), or {_MAY_MOVE}"
+    require_not_energised(node, ", and any write may move it; nothing was sent", remedy)
 
 
 def require_no_other_master(node: CanopenNode, *, heartbeats: bool = True) -> None:
@@ -221,7 +230,7 @@ def require_no_other_master(node: CanopenNode, *, heartbeats: bool = True) -> No
 
 def _traffic(node: CanopenNode, *, heartbeats: bool) -> Counter[str]:
     """Listen for frames that only a master sends: SYNC, RPDOs to the node, and the heartbeats that the node monitors (1016h)."""
-    own_sync = (_number(node, c301.COB_ID_SYNC) or 0) & _PRODUCES_SYNC
+    own_sync = (number_if_served(node.sdo.upload, c301.COB_ID_SYNC) or 0) & _PRODUCES_SYNC
     titles = {} if own_sync else {cob.SYNC: "SYNC"}
     titles |= {base + node.node_id: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)}
     watched = _watched(node) if heartbeats else []
@@ -242,9 +251,10 @@ def _count(heard: Counter[str], title: str, _: bytes, __: float) -> None:
 
 def _watched(node: CanopenNode) -> list[int]:
     """Return the nodes whose heartbeat the node monitors."""
-    count = _number(node, c301.CONSUMER_HEARTBEAT, 0) or 0
+    count = number_if_served(node.sdo.upload, c301.CONSUMER_HEARTBEAT) or 0
     entries = [
-        _number(node, c301.CONSUMER_HEARTBEAT, subindex) or 0 for subindex in range(1, min(count, 16) + 1)
+        number_if_served(node.sdo.upload, c301.CONSUMER_HEARTBEAT, subindex) or 0
+        for subindex in range(1, min(count, 16) + 1)
     ]
     return [watched for watched in map(watched_node, entries) if watched]
 
@@ -268,7 +278,3 @@ def _read(node: ByObjects, entry: DictionaryEntry) -> bytes | None:
 
 def _typed(raw: bytes | None, kind: DataType | None) -> Value | None:
     return decode(raw, kind) if kind is not None and raw is not None else raw
-
-
-def _number(node: ByObjects, index: int, subindex: int = 0) -> int | None:
-    return number_if_served(node.sdo.upload, index, subindex)

@@ -121,13 +121,7 @@ def require_not_energised(node: ByObjects) -> None:
         StateError: a drive is energised.
         SdoError, AdapterError: the node does not answer.
     """
-    found = guarded_write.energised(node)
-    if found:
-        raise StateError(
-            f"node {node.node_id} is energised: it is not configured; nothing was written",
-            observed="; ".join(found),
-            remedy="stop it first: axisbus stop CELL",
-        )
+    guarded_write.require_not_energised(node, ": it is not configured; nothing was written")
 
 
 def require_pre_operational(node_id: int, state: NmtState) -> None:
@@ -145,12 +139,8 @@ def require_pre_operational(node_id: int, state: NmtState) -> None:
 
 def _state(node: CanopenNode) -> NmtState | None:
     """Return the NMT state from the node's heartbeat; None if the node sends none."""
-    period = _heartbeat(node)
+    period = (number_if_served(node.sdo.upload, o.PRODUCER_HEARTBEAT) or 0) / 1000
     if period:
         clock = node.channel.clock
         poll_until(clock, lambda: node.nmt.reports > 0, clock.now() + max(LISTEN, 2.5 * period), _SLICE)
     return node.nmt.state if node.nmt.reports else None
-
-
-def _heartbeat(node: CanopenNode) -> float:
-    return (number_if_served(node.sdo.upload, o.PRODUCER_HEARTBEAT) or 0) / 1000

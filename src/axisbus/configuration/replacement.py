@@ -30,7 +30,7 @@ from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.drives.plugin import DrivePlugin, NodeIdObject
 from axisbus.eds.io import reader
 from axisbus.errors import NodeError, NodeTimeout, StateError
-from axisbus.wording import counted
+from axisbus.wording import counted, first_of
 
 _BOOT_TIME = 10.0  # seconds that the new drive may need to answer
 # Seconds for a drive whose node-ID was set by a program that was then killed: it takes the node-ID when the LSS search begins,
@@ -263,6 +263,6 @@ def _texts(report: RestoreReport) -> str:
     failed = report.of(ValueEnd.FAILED, ValueEnd.DIFFERS)
     named = [
         f"{each.item.key[0]:04X}h:{each.item.key[1]:02X} ({each.item.variable.name}): {each.reason or 'it has another value'}"
-        for each in failed[:_SHOWN]
+        for each in failed
     ]
-    return "; ".join(named) + (f"; and {len(failed) - _SHOWN} more" if len(failed) > _SHOWN else "")
+    return first_of(named, _SHOWN)

@@ -62,13 +62,8 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
 
 
 def _require_at_rest(node: CanopenNode) -> None:
-    found = guarded_write.energised(node)
-    if found:
-        raise StateError(
-            f"node {node.node_id} is energised: storing may restart it and release its load; nothing was sent",
-            observed="; ".join(found),
-            remedy="stop it first: axisbus stop CELL",
-        )
+    what = ": storing may restart it and release its load; nothing was sent"
+    guarded_write.require_not_energised(node, what)
     guarded_write.require_no_other_master(node)
     why_not = can_store(node)
     if why_not:

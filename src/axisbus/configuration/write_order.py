@@ -32,7 +32,7 @@ VERIFY = 0x1020
 _SYNC_OVERFLOW = 0x1019
 _COB_ID_TIME = 0x1012
 _TO_MAPPING = o.RPDO_MAPPING - o.RPDO_COMMUNICATION
-_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+
 _ERROR_CONTROL = (o.GUARD_TIME, o.LIFE_TIME_FACTOR, o.CONSUMER_HEARTBEAT, o.PRODUCER_HEARTBEAT)
 _SDO_CHANNELS = range(0x1201, 0x1300)
 _SDO_COB_IDS = (1, 2)
@@ -93,19 +93,11 @@ def ordered(wanted: Values, held: Held) -> list[OrderedWrite]:
     ]
 
 
-def pdo_of(index: int) -> int | None:
-    """Return the communication parameter of the PDO to which an object belongs, None if it belongs to no PDO."""
-    for first in (index, index - _TO_MAPPING):
-        if any(first in each for each in _COMMUNICATION):
-            return first
-    return None
-
-
 def by_pdo(keys: Iterable[Key]) -> dict[int, list[Key]]:
     """Return the keys of PDOs, in their order, by the communication parameter of their PDO."""
     found: dict[int, list[Key]] = {}
     for key in keys:
-        if (pdo := pdo_of(key[0])) is not None:
+        if (pdo := o.pdo_of(key[0])) is not None:
             found.setdefault(pdo, []).append(key)
     return found
 
@@ -119,7 +111,7 @@ def _by_index(keys: Iterable[Key]) -> dict[int, list[Key]]:
 
 def pdo_back(pdo: int, before: Held, now: Held) -> list[OrderedWrite]:
     """Return the writes that restore one PDO's values ``before``, whatever has changed since."""
-    own = {key: data for key, data in before.items() if data is not None and pdo_of(key[0]) == pdo}
+    own = {key: data for key, data in before.items() if data is not None and o.pdo_of(key[0]) == pdo}
     state: dict[Key, bytes | None] = {**own, **{key: now.get(key) for key in own}}
     return ordered(own, state)
 
@@ -161,7 +153,7 @@ class _Plan:
     def pdos_off(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
             now = self._number((pdo, o.PDO_COB_ID))
-            if now is not None and not now & cob.INVALID and self._settable(pdo, o.PDO_COB_ID):
+            if now is not None and not now & cob.INVALID and (pdo, o.PDO_COB_ID) in self._wanted:
                 yield OrderedWrite(pdo, o.PDO_COB_ID, _u32(now | cob.INVALID), pdo)
 
     def pdos(self) -> Iterator[OrderedWrite]:
@@ -199,9 +191,6 @@ class _Plan:
             if data is not None and (now is None or data != _u32(now | cob.INVALID)):
                 yield OrderedWrite(*key, data, pdo)
 
-    def _settable(self, index: int, subindex: int) -> bool:
-        return (index, subindex) in self._wanted
-
     # -- SYNC, TIME, EMCY, SDO ------------------------------------------------------------------------------------------
 
     def channels_off(self) -> Iterator[OrderedWrite]:
@@ -224,7 +213,7 @@ class _Plan:
         """Whether a COB-ID of an SDO channel must be disabled before the channel's differing entries may change."""
         key = index, subindex
         now = self._number(key)
-        if now is None or now & cob.INVALID or not self._settable(index, subindex):
+        if now is None or now & cob.INVALID or key not in self._wanted:
             return False
         others = any(sub not in _SDO_COB_IDS for _, sub in self._differing_of.get(index, ()))
         return others or key in self._differing
@@ -263,7 +252,7 @@ class _Plan:
     def plain(self) -> Iterator[OrderedWrite]:
         special = {*_OFF, *_ERROR_CONTROL, _SYNC_OVERFLOW, o.CYCLE_PERIOD, VERIFY, *_SDO_CHANNELS}
         for key in self._sorted:
-            if key[0] not in special and pdo_of(key[0]) is None:
+            if key[0] not in special and o.pdo_of(key[0]) is None:
                 yield OrderedWrite(*key, self._wanted[key])
 
     def error_control(self) -> Iterator[OrderedWrite]:

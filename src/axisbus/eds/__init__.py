@@ -18,14 +18,10 @@ if TYPE_CHECKING:
     from axisbus.eds.report.consequences import EdsDifference
 
 _HOME = {
+    **dict.fromkeys(
+        ("Eds", "EdsFinding", "Number", "Object", "ObjectType", "Severity", "Variable"), "axisbus.eds.model"
+    ),
     "EdsDifference": "axisbus.eds.report.consequences",
-    "Eds": "axisbus.eds.model",
-    "EdsFinding": "axisbus.eds.model",
-    "Number": "axisbus.eds.model",
-    "Object": "axisbus.eds.model",
-    "ObjectType": "axisbus.eds.model",
-    "Severity": "axisbus.eds.model",
-    "Variable": "axisbus.eds.model",
     "canopen_text": "axisbus.eds.io.canopen_text",
     "check": "axisbus.eds.checking",
     "diff": "axisbus.eds.report.compare",

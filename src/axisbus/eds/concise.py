@@ -71,33 +71,26 @@ def decode(data: bytes, source: str = "") -> tuple[ConciseWrite, ...]:
     """
     if len(data) < _COUNT.size:
         raise _broken(source, f"it has {counted(len(data), 'octet')}, the number of entries alone takes 4")
-    (count,) = _COUNT.unpack_from(data)
-    writes: list[ConciseWrite] = []
-    at = _COUNT.size
-    while at < len(data) and len(writes) < count:
-        write = _entry(data, at, source, len(writes) + 1)
-        at += _HEAD.size + len(write.data)
-        writes.append(write)
+    count, whole, _ = take_apart(data)
+    writes = whole[:count]
+    at = _COUNT.size + sum(_HEAD.size + len(write.data) for write in writes)
+    if len(writes) < count and at < len(data):
+        raise _broken(source, f"entry {len(writes) + 1} {_cut_off(data, at)}")
     if len(writes) < count or at < len(data):
         raise _broken(
             source,
             f"it says {counted(count, 'entry', 'entries')}, and holds {len(writes)} "
             f"and {counted(len(data) - at, 'octet')} more",
         )
-    return tuple(writes)
+    return writes
 
 
-def _entry(data: bytes, at: int, source: str, number: int) -> ConciseWrite:
-    write = _whole(data, at)
-    if write is not None:
-        return write
+def _cut_off(data: bytes, at: int) -> str:
     left = len(data) - at - _HEAD.size
     if left < 0:
-        raise _broken(source, f"entry {number} at octet {at} is cut off in its head")
+        return f"at octet {at} is cut off in its head"
     index, subindex, size = _HEAD.unpack_from(data, at)
-    raise _broken(
-        source, f"entry {number} ({index:04X}h:{subindex:02X}) has {left} of {counted(size, 'octet')}"
-    )
+    return f"({index:04X}h:{subindex:02X}) has {left} of {counted(size, 'octet')}"
 
 
 def _broken(source: str, observed: str) -> EdsError:

@@ -28,7 +28,7 @@ VERIFY = 0x1020
 _REFUSE_WRITE = 1  # bit 0 of ObjFlags (DS 306 4.6.3.3)
 _INVALID = 1 << 31
 _TO_MAPPING = o.RPDO_MAPPING - o.RPDO_COMMUNICATION
-_COMMUNICATION = (range(0x1400, 0x1600), range(0x1800, 0x1A00))
+
 
 _DIGITS = 3  # of a sub-index, which is decimal in [xxxxValue]
 
@@ -116,23 +116,15 @@ def _data(eds: Eds, variable: Variable, value: Default, node: int | None) -> byt
 
 def _ordered(eds: Eds, chosen: Mapping[_Key, bytes], node: int | None) -> Iterator[ConciseWrite]:
     """Yield the writes: first all others, then PDO by PDO, then 1020h."""
-    touched = {first for index, _ in chosen if (first := _communication_of(index)) is not None}
+    touched = {first for index, _ in chosen if (first := o.pdo_of(index)) is not None}
     for (index, subindex), data in sorted(chosen.items()):
-        if _communication_of(index) is None and index != VERIFY:
+        if o.pdo_of(index) is None and index != VERIFY:
             yield ConciseWrite(index, subindex, data)
     for index in sorted(touched):
         yield from _Pdo(eds, index, chosen, node).writes()
     for (index, subindex), data in sorted(chosen.items()):
         if index == VERIFY:
             yield ConciseWrite(index, subindex, data)
-
-
-def _communication_of(index: int) -> int | None:
-    """Return the communication parameter of the PDO to which an object belongs, None if it belongs to no PDO."""
-    for first in (index, index - _TO_MAPPING):
-        if any(first in each for each in _COMMUNICATION):
-            return first
-    return None
 
 
 class _Pdo:

@@ -11,10 +11,10 @@ from axisbus.eds.io import compact, edit, reader, values
 from axisbus.eds.io.edit import LineEdit
 from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.io.text import EdsText, Section
+from axisbus.eds.model import BAUD_RATES as BAUD_RATES
 from axisbus.eds.model import Eds, Number, Variable
 from axisbus.errors import ArgumentError, EdsError
 
-BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
 _SECTION = "DeviceComissioning"  # the standard's own spelling
 _MISSPELT = "devicecommissioning"
 _OF_A_DCF = ("parametervalue", "denotation", "uploadfile", "downloadfile")
@@ -225,7 +225,7 @@ def to_eds(reading: EdsParseResult, file_name: str | None = None) -> EdsParseRes
         if name in document.sections
     ]
     changes = [edit.remove_section(document, section) for section in dropped]
-    for section in (*parts.heads.values(), *(sub for subs in parts.subs.values() for sub in subs.values())):
+    for section in parts.described():
         changes += edit.remove_keys(document, section, _OF_A_DCF)
     info = document.sections.get("fileinfo")
     if info is not None:

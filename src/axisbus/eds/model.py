@@ -9,6 +9,12 @@ from typing import Any, cast
 
 from axisbus.cia301.datatypes import DataType, Value
 
+BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, of CiA 301
+DEVICE_NUMBERS = (  # keys of [DeviceInfo] that have a number (DS 306 4.5)
+    *("VendorNumber", "ProductNumber", "RevisionNumber", *(f"BaudRate_{rate}" for rate in BAUD_RATES)),
+    *("SimpleBootUpMaster", "SimpleBootUpSlave", "Granularity", "DynamicChannelsSupported"),
+    *("GroupMessaging", "NrOfRXPDO", "NrOfTXPDO", "LSS_Supported", "CompactPDO"),
+)
 DUMMIES = range(1, 8)  # data types in [DummyUsage] (DS 306 4.6.2)
 # The access of objects that an RPDO may write, and a TPDO may read: rww may be mapped into RPDOs, rwr into TPDOs only (CiA 306).
 RPDO_ACCESS = frozenset(("wo", "rw", "rww"))

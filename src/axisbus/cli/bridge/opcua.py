@@ -14,12 +14,13 @@ from axisbus.cell.model import CellConfig
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import PATH, listen_option, port_option
+from axisbus.cli.web import certificate_files
 from axisbus.errors import StateError
 from axisbus.gateway.machine_events import MachineEventSource
 from axisbus.gateway.machine_follower import Look, MachineFollower
 from axisbus.gateway.opcua import users as known
 from axisbus.gateway.opcua.event_mapping import told
-from axisbus.gateway.opcua.server_options import Access, Given, ServerOptions, decide
+from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
 from axisbus.web import address as served
@@ -73,11 +74,13 @@ def command(
     values have a bad status. Without --users no client can call a method. Ctrl-C ends it.
     """
     require("asyncua", "OPC UA needs asyncua", "opcua")
-    access = _access(listen, certificate, key, trust, users, insecure)
+    encrypted = certificate_files(certificate, key) is not None
+    loopback = served.is_loopback(served.resolved(listen))
+    access = decide(Given(loopback, encrypted, trust is not None, users is not None, insecure))
     config = checked(cell)
     allowed = None if users is None else known.read(users)
     keeping = ServerOptions(access, certificate, key, trust, allowed, allow_reset, float(rate))
-    listening, _ = served.opened(listen, port, tls=certificate is not None)
+    listening, _ = served.opened(listen, port, tls=encrypted)
     with closing(listening):
         server = make_server(config, cell.stem, listening, keeping)
         with closing(server):
@@ -95,24 +98,6 @@ def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: 
     from axisbus.gateway.opcua.server import OpcUaServer
 
     return OpcUaServer(cell, name, listening, keeping)
-
-
-def _access(
-    listen: str,
-    certificate: Path | None,
-    key: Path | None,
-    trust: Path | None,
-    users: Path | None,
-    insecure: bool,
-) -> Access:
-    if (certificate is None) is not (key is None):
-        raise click.UsageError(
-            "a certificate and its key go together: give --certificate and --key, or neither"
-        )
-    if certificate is not None and key is not None:
-        served.require_certificate(certificate, key)
-    loopback = served.is_loopback(served.resolved(listen))
-    return decide(Given(loopback, certificate is not None, trust is not None, users is not None, insecure))
 
 
 def _serve(cell: Path, server: OpcUaServer) -> None:

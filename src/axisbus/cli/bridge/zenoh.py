@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import signal
 import sys
-from collections.abc import Callable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -13,7 +12,7 @@ import click
 
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.options import PATH
+from axisbus.cli.shared.options import PATH, together
 from axisbus.errors import ArgumentError, StateError
 from axisbus.fleet import network
 from axisbus.fleet.keys import ZenohCellKeys, named
@@ -32,7 +31,7 @@ _CONNECTED = 2.0  # seconds for connections, over which another bridge of the sa
 
 
 RECEIVES = 2 * 1024 * 1024  # bytes of a message: a trajectory may have many points
-_OPTIONS = (
+ros_options = together(
     click.option("--ros", is_flag=True, help="Also publish the axes as joints of ROS 2, as rmw_zenoh does."),
     click.option(
         "--ros-command",
@@ -54,14 +53,6 @@ _OPTIONS = (
         help="The highest number of joint states per second [default: 50].",
     ),
 )
-Words = dict[str, Any]
-
-
-def ros_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --ros and its options."""
-    for decorate in reversed(_OPTIONS):
-        function = decorate(function)
-    return function
 
 
 def ros_of(

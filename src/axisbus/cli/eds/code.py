@@ -8,10 +8,10 @@ from pathlib import Path
 import click
 
 from axisbus.cli.eds.files import node_of, node_option, open_eds, say_text
-from axisbus.cli.shared.common import OK, say, say_next
+from axisbus.cli.shared.common import OK
 from axisbus.cli.shared.options import PATH
-from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
-from axisbus.eds.report import codegen, header
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_and_say
+from axisbus.eds.report import codegen, header, overview
 from axisbus.errors import ArgumentError
 from axisbus.wording import counted
 
@@ -49,20 +49,17 @@ def command(
     if output is None:
         say_text(text)
         return OK
-    write_whole(output, text.encode())
-    say(f"{output}: written, {said}")
-    say_next(
+    next_step = (
         f'in C: #include "{output.name}"' if as_c else f"in Python: from {output.stem} import Index, ENTRIES"
     )
+    write_and_say(output, text.encode(), f"written, {said}", next_step)
     return OK
 
 
 def _of_file(file: str, node: int | None, *, as_c: bool) -> tuple[str, str]:
     """Return the text, and a description of its contents for people."""
     eds = open_eds(file)
-    text = (header.header if as_c else codegen.module)(eds, node_of(eds, node))
-    entries = sum(len(entry.subs) for entry in eds)
-    return text, f"{counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}"
+    return (header.header if as_c else codegen.module)(eds, node_of(eds, node)), overview.contents(eds)
 
 
 def _of_cell(cell: Path | None, node: int | None, axis: str | None) -> tuple[str, str]:

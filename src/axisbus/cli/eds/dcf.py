@@ -9,7 +9,14 @@ import click
 from axisbus.cli.eds.files import file_argument, say_lines
 from axisbus.cli.shared.common import OK, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
-from axisbus.cli.shared.output import concise_option, force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.output import (
+    concise_option,
+    force_option,
+    output_option,
+    require_free,
+    write_and_say,
+    write_whole,
+)
 from axisbus.eds import assign, builtin, concise, concise_dcf_values, dcf, writer
 from axisbus.eds.io import reader
 from axisbus.eds.io.new_file import written
@@ -142,9 +149,8 @@ def _to_eds(reading: EdsParseResult, output: Path | None) -> int:
     if output is None:
         raise click.UsageError("--to-eds needs -o FILE.eds")
     made = dcf.to_eds(reading, output.name)
-    write_whole(output, writer.dumps(made))
-    say(f"{output}: written without node ID and values")
-    say_next(f"axisbus eds check {output}")
+    next_step = f"axisbus eds check {output}"
+    write_and_say(output, writer.dumps(made), "written without node ID and values", next_step)
     return OK
 
 

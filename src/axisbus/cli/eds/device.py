@@ -14,7 +14,7 @@ import click
 from axisbus import eds
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_json, say_next
-from axisbus.cli.shared.options import PATH, Decorated, GivenBus, bus_options, packed
+from axisbus.cli.shared.options import PATH, GivenBus, bus_options, packed, together
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.wording import counted
 
@@ -22,10 +22,11 @@ if TYPE_CHECKING:
     from axisbus.bus.node.verify import Verification
 
 
-def _given_bus(function: Decorated) -> Decorated:
-    """Add the bus options and --cell; the command gets them as ``given``."""
-    cell = click.option("--cell", type=PATH, help="Take the bus from this cell file instead.")
-    return bus_options(cell(packed(GivenBus, "given")(function)))
+_given_bus = together(
+    bus_options,
+    click.option("--cell", type=PATH, help="Take the bus from this cell file instead."),
+    packed(GivenBus, "given"),
+)
 
 
 # -- ``axisbus eds verify``: compare a file with the real drive --------------------------------------------------------

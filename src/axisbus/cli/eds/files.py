@@ -6,9 +6,8 @@ import glob
 import os
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any, TypeVar
 
 import click
 
@@ -19,19 +18,13 @@ from axisbus.wording import counted, printable
 
 MAX_ENTRIES = 100_000  # ten times the number of the largest known file; listing a million takes minutes
 
-_F = TypeVar("_F", bound=Callable[..., Any])
 
 file_argument = click.argument("file")
 
 
-def node_option(function: _F) -> _F:
-    """Add ``--node``."""
-    option = click.option(
-        "--node",
-        type=click.IntRange(1, 127),
-        help="Node ID for values with $NODEID [default: that of a DCF].",
-    )
-    return option(function)
+node_option = click.option(
+    "--node", type=click.IntRange(1, 127), help="Node ID for values with $NODEID [default: that of a DCF]."
+)
 
 
 def expanded(files: Iterable[str]) -> Iterator[str]:

@@ -20,13 +20,13 @@ from axisbus.cli.eds.files import (
     tell,
     terminal_width,
 )
-from axisbus.cli.shared.common import MISUSE, OK, WRONG, say, say_error, say_json, say_next, say_table
-from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.common import MISUSE, OK, WRONG, say_error, say_json, say_next, say_table
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_and_say
 from axisbus.eds import builtin, layout
 from axisbus.eds.checking import check
 from axisbus.eds.device_doc import html, markdown, reference
 from axisbus.eds.model import Eds
-from axisbus.eds.report import compare, export_values, show
+from axisbus.eds.report import compare, export_values, overview, show
 from axisbus.eds.report.consequences import EdsDifference
 from axisbus.eds.report.pdo_text import ASCII, BOXES
 from axisbus.eds.report.show import Screen, SearchResult
@@ -90,8 +90,7 @@ def show_command(file: str, wanted: str | None, node: int | None, expand: bool, 
 
 def _found(eds: Eds, found: SearchResult, node_id: int | None, screen: Screen) -> Iterator[str]:
     if found.pdo is not None:
-        _layout(eds, found.pdo)
-        return show.pdo_lines(eds, *found.pdo, node_id, screen)
+        return show.pdo_lines(_layout(eds, found.pdo, node_id), screen)
     if found.one is not None:
         return show.object_lines(eds, found.matches[0], node_id, screen)
     return show.matches(eds, found.matches, node_id, screen)
@@ -108,7 +107,7 @@ def _json(eds: Eds, found: SearchResult, node_id: int | None) -> dict[str, objec
     return {"file": eds.source, "node_id": node_id, "pdos": pdos, "entries": entries}
 
 
-def _layout(eds: Eds, wanted: tuple[bool, int], node_id: int | None = None) -> layout.PdoLayout:
+def _layout(eds: Eds, wanted: tuple[bool, int], node_id: int | None) -> layout.PdoLayout:
     """Return a PDO by direction and number.
 
     Raises:
@@ -194,12 +193,9 @@ def doc_command(file: str, output: Path | None, force: bool, node: int | None) -
     if writer is None:
         raise ArgumentError(f"{output}: no such format", remedy="give a name that ends in .html or .md")
     page = reference(eds, node_of(eds, node), check(eds))
-    write_whole(output, writer(page).encode())
-    entries = sum(len(entry.subs) for entry in eds)
-    say(
-        f"{output}: written, {counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}, {page.verdict}"
-    )
-    say_next(f"open {output} in a browser" if writer is html else f"axisbus eds show {file}")
+    next_step = f"open {output} in a browser" if writer is html else f"axisbus eds show {file}"
+    what = f"written, {overview.contents(eds)}, {page.verdict}"
+    write_and_say(output, writer(page).encode(), what, next_step)
     return OK
 
 
@@ -248,9 +244,8 @@ def export_command(
     if output is None:
         say_text(text)
         return OK
-    write_whole(output, text.encode())
-    say(f"{output}: written, {counted(len(text.splitlines()), 'line')}")
-    say_next(f"axisbus eds doc {file} -o {output.with_suffix('.html')}")
+    next_step = f"axisbus eds doc {file} -o {output.with_suffix('.html')}"
+    write_and_say(output, text.encode(), f"written, {counted(len(text.splitlines()), 'line')}", next_step)
     return OK
 
 
@@ -272,6 +267,4 @@ def _text(
 
         made = frames.dumps(eds, node_id, switched_off=switched_off, words=words)
         return made.text, made.left_out
-    from axisbus.eds.report import export_values
-
     return (export_values.csv_text if form == "csv" else export_values.json_text)(eds, node_id), ()

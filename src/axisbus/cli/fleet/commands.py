@@ -6,15 +6,15 @@ import threading
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.fleet.cell_rows import Recordings, cell_lines, plain
-from axisbus.cli.shared.common import FAILURE, OK, WRONG, coloured, say, say_error, say_json, say_note
-from axisbus.cli.shared.options import PATH, Decorated, Seconds, packed
+from axisbus.cli.shared.common import FAILURE, OK, WRONG, coloured, rounds, say, say_error, say_json, say_note
+from axisbus.cli.shared.options import PATH, Seconds, packed, together
 from axisbus.errors import AxisbusError, said_of
 from axisbus.fleet.fleet import Fleet
 from axisbus.machine.handle import Handle, look_at_end
@@ -39,42 +39,30 @@ class FleetOptions:
 
     def fleet(self, look: float | None = None) -> Fleet:
         """Return the cells of the plant; ``look`` in seconds, blocking and errors as for ``Fleet``."""
-        return Fleet(
-            self.plant,
-            connect=self.connect,
-            listen=self.listen,
-            scouting=self.scouting,
-            config=self.config,
-            look=look,
-        )
+        return Fleet(**asdict(self), look=look)
 
 
-def plant_options(function: Decorated) -> Decorated:
-    """Add --plant, --connect, --listen, --scouting and --config; a command gets them together as ``place``."""
-    for decorate in (
-        packed(FleetOptions, "place"),
-        click.option(
-            "--config", type=PATH, help="A configuration file of Zenoh, for example for certificates."
-        ),
-        click.option("--scouting", is_flag=True, help="Also search for cells by multicast."),
-        click.option(
-            "--listen",
-            multiple=True,
-            metavar="ENDPOINT",
-            help="The endpoint at which cells may connect; repeatable.",
-        ),
-        click.option(
-            "--connect",
-            multiple=True,
-            metavar="ENDPOINT",
-            help="A bridge or a router, such as tcp/10.0.0.5:7447; repeatable.",
-        ),
-        click.option(
-            "--plant", required=True, metavar="NAME", help="The name of the plant, as given to its bridges."
-        ),
-    ):
-        function = decorate(function)
-    return function
+# --plant, --connect, --listen, --scouting and --config; a command gets them together as ``place``.
+plant_options = together(
+    click.option(
+        "--plant", required=True, metavar="NAME", help="The name of the plant, as given to its bridges."
+    ),
+    click.option(
+        "--connect",
+        multiple=True,
+        metavar="ENDPOINT",
+        help="A bridge or a router, such as tcp/10.0.0.5:7447; repeatable.",
+    ),
+    click.option(
+        "--listen",
+        multiple=True,
+        metavar="ENDPOINT",
+        help="The endpoint at which cells may connect; repeatable.",
+    ),
+    click.option("--scouting", is_flag=True, help="Also search for cells by multicast."),
+    click.option("--config", type=PATH, help="A configuration file of Zenoh, for example for certificates."),
+    packed(FleetOptions, "place"),
+)
 
 
 # -- ``axisbus fleet list``: list the cells of a plant once ------------------------------------------------------------
@@ -162,12 +150,8 @@ def watch_command(place: FleetOptions, every: float | None, count: int | None, a
                 count,
             )
             return OK
-        looks = 0
-        while count is None or looks < count:
-            if looks:
-                time.sleep(pause)
+        for _ in rounds(count, lambda: time.sleep(pause)):
             _look(fleet, kept, as_json)
-            looks += 1
     return OK
 
 

@@ -19,8 +19,8 @@ from axisbus.cli.fleet.cell_rows import (
     incident_lines,
     recordings_line,
 )
-from axisbus.cli.shared.common import STYLES
-from axisbus.motion.states import MOVING, AxisState
+from axisbus.cli.monitor.live import STATE_STYLES
+from axisbus.cli.shared.common import STYLES, rounds
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -30,13 +30,7 @@ Found = Sequence[tuple["FleetCell", Recordings]]
 Look = Callable[[], Found]
 _COLUMNS = ("cell", "axis", "state", "position", "velocity", "age", "")
 _NUMBERS = frozenset({"position", "velocity", "age"})
-_STATE_STYLES = {
-    **{state.value: "green" for state in MOVING},
-    AxisState.DISABLED.value: "dim",
-    AxisState.STOPPING.value: "yellow",
-    AxisState.ERRORSTOP.value: "bold red",
-    UNKNOWN: "dim",
-}
+_STATE_STYLES = {**STATE_STYLES, UNKNOWN: "dim"}
 _STATE = 1  # column index
 _MOST = 12  # the most lines of incidents
 
@@ -44,14 +38,9 @@ _MOST = 12  # the most lines of incidents
 def show(look: Look, about: Callable[[], Sequence[str]], every: float, count: int | None) -> None:
     """Draw the cells ``count`` times (None: until Ctrl-C); ``about`` returns the plant's name and its problems."""
     console = Console(highlight=False, markup=False, emoji=False)
-    looks = 0
     with Live(console=console, auto_refresh=False, vertical_overflow="ellipsis") as live:
-        while True:
+        for _ in rounds(count, lambda: time.sleep(every)):
             live.update(Group(*_parts(look(), *about())), refresh=True)
-            looks += 1
-            if count is not None and looks >= count:
-                return
-            time.sleep(every)
 
 
 def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:

@@ -12,7 +12,16 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import PATH, GivenBus, NumberType, Seconds, bus_options, bus_words, packed
+from axisbus.cli.shared.options import (
+    PATH,
+    GivenBus,
+    NumberType,
+    Seconds,
+    bus_options,
+    bus_words,
+    packed,
+    together,
+)
 from axisbus.errors import UserError
 from axisbus.wording import counted
 
@@ -44,44 +53,27 @@ class Where:
         return bus_words(*self.bus)
 
 
-def lss_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add CELL, -i, -c, -b, -O, --timeout, --beside-operation and --json; the first seven come as ``where``."""
-    for decorate in (
-        packed(Where, "where"),
-        packed(GivenBus, "bus"),
-        click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
-        click.option(
-            "--beside-operation",
-            is_flag=True,
-            help="Run even while a machine is running on the bus (otherwise refused).",
-        ),
-        click.option(
-            "--timeout",
-            type=Seconds(),
-            default=_FLOOR,
-            show_default=True,
-            metavar="SECONDS",
-            help="Shortest wait for an answer; it increases automatically with the slowest answer seen.",
-        ),
-        bus_options,
-        click.argument("cell", type=PATH, required=False),
-    ):
-        function = decorate(function)
-    return function
-
-
-def slave_options(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add the three options that select a slave: -s, --found, --only; the command gets them together as ``choice``."""
-    for decorate in (
-        packed(SlaveChoice, "choice"),
-        click.option(
-            "--only", is_flag=True, help="The only LSS slave on the bus (wrong if there are two or more)."
-        ),
-        click.option("--found", is_flag=True, help="The one slave without a node-ID, found by a scan."),
-        slave_option(multiple=False),
-    ):
-        function = decorate(function)
-    return function
+# CELL, -i, -c, -b, -O, --timeout, --beside-operation and --json; the first seven come as ``where``.
+lss_options = together(
+    click.argument("cell", type=PATH, required=False),
+    bus_options,
+    click.option(
+        "--timeout",
+        type=Seconds(),
+        default=_FLOOR,
+        show_default=True,
+        metavar="SECONDS",
+        help="Shortest wait for an answer; it increases automatically with the slowest answer seen.",
+    ),
+    click.option(
+        "--beside-operation",
+        is_flag=True,
+        help="Run even while a machine is running on the bus (otherwise refused).",
+    ),
+    click.option("--json", "as_json", is_flag=True, help="Print the result as JSON."),
+    packed(GivenBus, "bus"),
+    packed(Where, "where"),
+)
 
 
 def slave_option(*, multiple: bool) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
@@ -157,6 +149,17 @@ class SlaveChoice:
         if self.slave:
             return LssAddress(*self.slave)
         return None if self.only else _found(master)
+
+
+# The three options that select a slave: -s, --found, --only; a command gets them together as ``choice``.
+slave_options = together(
+    slave_option(multiple=False),
+    click.option("--found", is_flag=True, help="The one slave without a node-ID, found by a scan."),
+    click.option(
+        "--only", is_flag=True, help="The only LSS slave on the bus (wrong if there are two or more)."
+    ),
+    packed(SlaveChoice, "choice"),
+)
 
 
 def _found(master: LssMaster) -> LssAddress:

@@ -13,7 +13,7 @@ from axisbus.cia301.incident import Incident
 from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.shared.attach_or_open import machine_of
-from axisbus.cli.shared.common import OK, coloured, say, say_json, say_next, with_page
+from axisbus.cli.shared.common import OK, coloured, rounds, say, say_json, say_next, with_page
 from axisbus.cli.shared.machine_status import BesideAxes
 from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.errors import StaleError
@@ -86,7 +86,7 @@ def pace(every: float | None) -> float:
 
 def look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
     """Show the axes ``count`` times (None: until Ctrl-C)."""
-    looks, told, drops, beside = 0, set[str](), DropNews(), BesideAxes(machine)
+    told, drops, beside = set[str](), DropNews(), BesideAxes(machine)
     if coloured() and not as_json:
         from axisbus.cli.monitor import live
 
@@ -96,15 +96,11 @@ def look_on(machine: Machine, every: float, count: int | None, as_json: bool) ->
 
         live.show(look, lambda: machine.sleep(every), count)
         return
-    while True:
+    for _ in rounds(count, lambda: machine.sleep(every)):
         if as_json:
             _look_as_json(machine, beside)
         else:
             _look(machine, told, drops, beside)
-        looks += 1
-        if count is not None and looks >= count:
-            return
-        machine.sleep(every)
 
 
 def _look_as_json(machine: Machine, beside: BesideAxes) -> None:

@@ -11,7 +11,7 @@ from axisbus.bus.link.adapter import manner
 from axisbus.bus.link.listen import Listener
 from axisbus.cell import reader
 from axisbus.cia301.master_detection import words
-from axisbus.cli.shared.common import OK, say, say_json, say_next
+from axisbus.cli.shared.common import OK, rounds, say, say_json, say_next
 from axisbus.core.files import load_dictionaries
 from axisbus.core.listen_only import listen_to
 from axisbus.machine.bus_monitor import Beat, BusMonitor, NodeHeard
@@ -44,8 +44,7 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
 def _look_on(
     listener: Listener, overview: BusMonitor, every: float, count: int | None, as_json: bool
 ) -> None:
-    looks = 0
-    while count is None or looks < count:
+    for _ in rounds(count, lambda: None):
         before = overview.frames
         for frame in listener.frames(every):
             overview.feed(frame, time.monotonic())
@@ -55,7 +54,6 @@ def _look_on(
         else:
             for line in lines(overview, rate, now):
                 say(line)
-        looks += 1
 
 
 def lines(overview: BusMonitor, rate: float, now: float) -> list[str]:

@@ -11,7 +11,7 @@ from rich.console import Console, Group
 from rich.live import Live
 from rich.text import Text
 
-from axisbus.cli.shared.common import STYLES
+from axisbus.cli.shared.common import STYLES, rounds
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.wording import printable
 
@@ -21,7 +21,7 @@ _GAP = "  "
 _BITS_AT_LEAST = 12  # columns; with fewer, the bits are not readable
 _NEWS_AT_LEAST = 6  # lines; they have priority over the machine's own lines
 _NUMBERS = frozenset({"position", "velocity", "age"})
-_STATE_STYLES = {
+STATE_STYLES = {
     **{state.value: "green" for state in MOVING},
     AxisState.DISABLED.value: "dim",
     AxisState.STOPPING.value: "yellow",
@@ -43,19 +43,15 @@ class MonitorUpdate(NamedTuple):
 def show(look: Callable[[], MonitorUpdate], wait: Callable[[], None], count: int | None) -> None:
     """Draw the result of ``look``, ``count`` times (None: until Ctrl-C); ``wait`` in between."""
     console = Console(highlight=False, markup=False, emoji=False)
-    looks, last = 0, deque[Text]()
+    last = deque[Text]()
     with Live(console=console, auto_refresh=False, vertical_overflow="crop") as live:
-        while True:
+        for _ in rounds(count, wait):
             seen = look()
             last.extend(_timed(seen.news))
             head = _head(seen, console.width, console.height - 1)
             for older in _too_many(last, console, console.height - 1 - len(head)):
                 live.console.print(older, soft_wrap=True)
             live.update(Group(*head, *last), refresh=True)
-            looks += 1
-            if count is not None and looks >= count:
-                return
-            wait()
 
 
 def _timed(news: Sequence[str]) -> list[Text]:
@@ -119,7 +115,7 @@ def _line(row: Row, widths: Mapping[str, int]) -> Text:
     return gap.join(
         Text(
             _fitted(row[column], column, size),
-            style=_STATE_STYLES.get(row["state"], "") if column == "state" else "",
+            style=STATE_STYLES.get(row["state"], "") if column == "state" else "",
         )
         for column, size in widths.items()
     )

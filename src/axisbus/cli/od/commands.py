@@ -21,7 +21,7 @@ from axisbus.cli.shared.common import FAILURE, OK, progress_bar, say, say_error,
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
 from axisbus.cli.shared.options import Seconds
-from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
+from axisbus.cli.shared.output import force_option, output_option, require_free, write_and_say
 from axisbus.configuration import guarded_write, parse_values
 from axisbus.configuration.guarded_write import Written, is_command
 from axisbus.eds.dictionary import Dictionary
@@ -51,9 +51,8 @@ def read_command(arguments: tuple[str, ...], asked: NodeOptions, kind: str | Non
     axisbus od read --cell cell.toml x:Statusword 5:6064 5:1018
     axisbus od read -i socketcan -c can0 --eds drive.eds 5 Position_actual_value 6041
     """
-    require_bus(asked)
+    files = asked.files()
     data_type = od.kind_of(kind)
-    files = NodeFiles.of(asked.cell, asked.eds)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
         nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})
@@ -210,18 +209,17 @@ def dump_command(node: str, asked: NodeOptions, output: Path | None, force: bool
 
     Without an EDS the objects of CiA 301 and CiA 402 are read. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
     """
-    require_bus(asked)
     require_free(output, force=force)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = asked.files()
     address = files.address(node.rstrip(":"))
     with ExitStack() as stack:
         device = open_nodes(stack, asked, files, [address.node_id]).node(address.node_id)
         found = _all(stack, files, device)
     values = [value for value, _ in found]
     if output is not None:
-        write_whole(output, _text(address.node_id, found, as_json).encode())
-        say(f"{output}: {counted(len(values), 'object')} of node {address.node_id}")
-        say_next(f"read one again: axisbus od read ... {address.node_id}:6041")
+        what = f"{counted(len(values), 'object')} of node {address.node_id}"
+        next_step = f"read one again: axisbus od read ... {address.node_id}:6041"
+        write_and_say(output, _text(address.node_id, found, as_json).encode(), what, next_step)
     elif as_json:
         say_json([_dump_plain(address.node_id, value, refusal) for value, refusal in found])
     else:

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -17,14 +16,11 @@ from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.opening import out_of_reach, runs
 
-
-def take_option(function: Callable[..., Any]) -> Callable[..., Any]:
-    """Add --take: take control of a running machine from its present holder."""
-    return click.option(
-        "--take",
-        is_flag=True,
-        help="If the machine is already running, take control from the program that has it: all moving axes halt first.",
-    )(function)
+take_option = click.option(
+    "--take",
+    is_flag=True,
+    help="If the machine is already running, take control from the program that has it: all moving axes halt first.",
+)
 
 
 def machine_of(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import json
 import logging
 import os
@@ -194,6 +195,15 @@ def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int]
                 now = ""
 
         yield tell
+
+
+def rounds(count: int | None, wait: Callable[[], object]) -> Iterator[None]:
+    """Yield ``count`` times (None: without end), and call ``wait`` between two rounds."""
+    for number in itertools.count(1):
+        yield
+        if number == count:
+            return
+        wait()
 
 
 def say_json(value: Any) -> None:

@@ -5,13 +5,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 from axisbus import wait
 from axisbus.cia402.state import PowerState
-from axisbus.cli.shared.attach_or_open import machine_of
+from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.axes_and_pairs import Mover, all_axes, axes_of
 from axisbus.cli.shared.common import echo, say
+from axisbus.cli.shared.options import beside_option, packed, together
 from axisbus.cli.shared.progress import MoverProgress, follow
+from axisbus.cli.shared.recordings import record_option
 from axisbus.errors import (
     AxisbusError,
     BusError,
@@ -31,14 +34,21 @@ _FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
 _OFF = frozenset({AxisState.DISABLED, AxisState.ERRORSTOP})
 
 
+class MotionOptions(NamedTuple):
+    """The options of each command that moves axes: the file of its recording, and how it opens or joins the machine."""
+
+    record: Path | None
+    beside: bool
+    take: bool
+
+
+# --record, --beside and --take; a command gets them together as ``how``.
+motion_options = together(record_option, beside_option, take_option, packed(MotionOptions, "how"))
+
+
 @contextmanager
 def commanded(
-    cell: Path,
-    names: Sequence[str],
-    *,
-    take: bool,
-    beside: bool,
-    before: Callable[[], object] = lambda: None,
+    cell: Path, names: Sequence[str], how: MotionOptions, before: Callable[[], object] = lambda: None
 ) -> Iterator[tuple[Machine, list[Axis]]]:
     """Give the block control of a machine and some of its axes; see ``machine_of``.
 
@@ -47,7 +57,7 @@ def commanded(
     """
     found_off: list[str] = []
     try:
-        with machine_of(cell, command=True, take=take, beside=beside, before=before) as machine:
+        with machine_of(cell, command=True, take=how.take, beside=how.beside, before=before) as machine:
             axes = [machine[name] for name in names]
             if machine.is_attached:
                 found_off = [axis.name for axis in axes if axis.state is AxisState.DISABLED]

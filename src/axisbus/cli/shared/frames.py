@@ -13,7 +13,7 @@ import click
 
 from axisbus.cell.model import SIMULATED
 from axisbus.cli.shared.buses import require_rate, simulated, with_options
-from axisbus.cli.shared.options import PATH, Decorated, bus_options, packed, parse_options
+from axisbus.cli.shared.options import PATH, bus_options, packed, parse_options, together
 from axisbus.eds import Eds, load
 from axisbus.errors import ArgumentError
 
@@ -95,21 +95,18 @@ class FrameSource:
     known: TraceContext = field(repr=False)
 
 
-def source_options(function: Decorated) -> Decorated:
-    """Add SOURCE, the bus options, --cell and --eds; the command gets them together as ``asked``."""
-    for decorate in (
-        packed(FrameSourceOptions, "asked"),
-        click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
-        click.option(
-            "--cell",
-            type=PATH,
-            help="Cell file to decode with; frames come from SOURCE or -i if one is given, otherwise from its bus.",
-        ),
-        bus_options,
-        click.argument("source", required=False),
-    ):
-        function = decorate(function)
-    return function
+# SOURCE, the bus options, --cell and --eds; a command gets them together as ``asked``.
+source_options = together(
+    click.argument("source", required=False),
+    bus_options,
+    click.option(
+        "--cell",
+        type=PATH,
+        help="Cell file to decode with; frames come from SOURCE or -i if one is given, otherwise from its bus.",
+    ),
+    click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
+    packed(FrameSourceOptions, "asked"),
+)
 
 
 def open_frames(stack: ExitStack, asked: FrameSourceOptions, seconds: float | None) -> FrameSource:

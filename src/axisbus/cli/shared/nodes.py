@@ -16,7 +16,7 @@ from axisbus.cell.other_protocols import require_objects
 from axisbus.cell.quantities import Quantities
 from axisbus.cli.shared.buses import open_bus
 from axisbus.cli.shared.frames import eds_of
-from axisbus.cli.shared.options import PATH, Decorated, bus_options, packed
+from axisbus.cli.shared.options import PATH, bus_options, packed, together
 from axisbus.eds import Eds, builtin, load
 from axisbus.errors import ArgumentError
 
@@ -121,18 +121,18 @@ class NodeOptions:
         return NodeFiles.of(self.cell, self.eds)
 
 
-def node_options(function: Decorated) -> Decorated:
-    """Add the bus options, --cell and --eds; the command gets them together as ``asked``."""
-    with_eds: Decorated = click.option(
+# The bus options, --cell and --eds; a command gets them together as ``asked``.
+node_options = together(
+    click.option("--cell", type=PATH, help="Take bus, EDS files and units from this cell file."),
+    bus_options,
+    click.option(
         "--eds",
         multiple=True,
         metavar="[N=]FILE",
         help="EDS or DCF of node N; without N=, of every node named.",
-    )
-    with_cell: Decorated = click.option(
-        "--cell", type=PATH, help="Take bus, EDS files and units from this cell file."
-    )
-    return with_cell(bus_options(with_eds(packed(NodeOptions, "asked")(function))))  # type: ignore[no-any-return]
+    ),
+    packed(NodeOptions, "asked"),
+)
 
 
 class NodeSession:

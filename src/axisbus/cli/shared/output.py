@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 
 import click
 
+from axisbus.cli.shared.common import say, say_next
 from axisbus.cli.shared.options import PATH
 from axisbus.errors import UserError
 
@@ -26,9 +27,8 @@ def concise_option(text: str) -> Callable[[_F], _F]:
     return click.option("--concise", "concise_out", type=PATH, help=text)
 
 
-def force_option(function: _F) -> _F:
-    """Add ``--force``, without which no existing file is replaced (see ``require_free``)."""
-    return click.option("--force", is_flag=True, help="Replace an existing file.")(function)
+# Without it no existing file is replaced (see ``require_free``).
+force_option = click.option("--force", is_flag=True, help="Replace an existing file.")
 
 
 def require_writable(output: Path | None, concise: Path | None = None) -> None:
@@ -136,3 +136,10 @@ def _is_special(path: Path) -> bool:
 def _cannot(path: Path, error: OSError, option: str = "-o") -> UserError:
     why = f"[Errno {error.errno}] {error.strerror}" if error.errno is not None else str(error)
     return UserError(f"{path} cannot be written", observed=why, remedy=f"give another path with {option}")
+
+
+def write_and_say(path: Path, data: bytes, what: str, next_step: str) -> None:
+    """Write a file as ``write_whole``, and say ``what`` it has, and the next step."""
+    write_whole(path, data)
+    say(f"{path}: {what}")
+    say_next(next_step)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import PurePath
@@ -11,7 +10,7 @@ from axisbus.cia402 import value_texts
 from axisbus.cia402.value_texts import Table
 from axisbus.eds import layout
 from axisbus.eds.layout import PdoLayout
-from axisbus.eds.model import Eds, EdsFinding, Object, Severity, Variable
+from axisbus.eds.model import Eds, EdsFinding, Object, Variable
 from axisbus.eds.report import overview, show, wording
 from axisbus.eds.report.overview import Area, EdsOverview
 from axisbus.wording import counted
@@ -103,9 +102,7 @@ class DeviceReference:
     @property
     def verdict(self) -> str:
         """The number of findings, in words."""
-        counts = Counter(finding.severity for finding in self.findings)
-        parts = [counted(counts[each], each.value) for each in Severity if counts[each]]
-        return ", ".join(parts) or "nothing was found wrong"
+        return wording.findings(self.findings) or "nothing was found wrong"
 
 
 def reference(
@@ -144,7 +141,7 @@ def _facts(eds: Eds, seen: EdsOverview, node_id: int | None) -> Iterator[Fact]:
         ("Bit rates", ", ".join(map(str, seen.bit_rates)) + " kbit/s" if seen.bit_rates else "none given"),
         ("LSS", "supported" if device.get("lss_supported", "").strip() in ("1", "0x1", "0x01") else ""),
         ("Node ID", str(node_id) if node_id is not None else "not given: values with $NODEID are formulas"),
-        ("Contents", f"{counted(len(eds.objects), 'object')}, {counted(seen.entries, 'entry', 'entries')}"),
+        ("Contents", overview.contents(eds)),
         ("File", _file(eds)),
     ):
         if text:

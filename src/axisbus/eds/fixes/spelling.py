@@ -37,8 +37,7 @@ def _renamed(bench: FixContext, rule: str, section: Section, name: str) -> Fix |
 
 def _access(bench: FixContext) -> Iterator[Fix]:
     """Fix O019."""
-    parts = bench.reading.parts
-    for section in (*parts.heads.values(), *(sub for subs in parts.subs.values() for sub in subs.values())):
+    for section in bench.reading.parts.described():
         given = section.entries.get("accesstype", "")
         if given.lower() in ACCESS_TYPES and not given.islower():
             change = edit.set_value(bench.document, section, "accesstype", given.lower())

@@ -16,7 +16,7 @@ from collections.abc import Iterator, Mapping
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
 from axisbus.eds.io.values import Default
-from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
+from axisbus.eds.model import BAUD_RATES, Eds, Number, Object, ObjectType, Variable
 
 _KNOWN_DATA_TYPES = frozenset(kind for kind in DataType if kind <= DataType.UNSIGNED64)
 _TIMES = (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE)
@@ -36,7 +36,7 @@ _NUMBERS = (
     "NrOfRXPDO",
     "NrOfTXPDO",
     "LSS_Supported",
-    *(f"BaudRate_{rate}" for rate in (10, 20, 50, 125, 250, 500, 800, 1000)),
+    *(f"BaudRate_{rate}" for rate in BAUD_RATES),
 )
 _TEXTS = ("VendorName", "ProductName", "OrderCode")
 

@@ -10,19 +10,14 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds.io import values
 from axisbus.eds.io.edit import check_key, check_name
 from axisbus.eds.io.values import Default
-from axisbus.eds.model import Eds, Number, Object, ObjectType, Variable
+from axisbus.eds.model import DEVICE_NUMBERS, Eds, Number, Object, ObjectType, Variable
 from axisbus.errors import ArgumentError
 
 MANDATORY = frozenset((0x1000, 0x1001, 0x1018))
 MANUFACTURER = range(0x2000, 0x6000)
 FIRST_OBJECT = 0x1000  # indices below are data types, which no list contains
 
-_RATES = tuple(f"BaudRate_{rate}" for rate in (10, 20, 50, 125, 250, 500, 800, 1000))
-_NUMBERS = (
-    *("VendorNumber", "ProductNumber", "RevisionNumber", *_RATES, "SimpleBootUpMaster", "SimpleBootUpSlave"),
-    *("Granularity", "DynamicChannelsSupported", "CompactPDO", "GroupMessaging", "NrOfRXPDO", "NrOfTXPDO"),
-    *("LSS_Supported", "NodeID", "Baudrate", "NetNumber", "CANopenManager", "LSS_SerialNumber"),
-)
+_NUMBERS = (*DEVICE_NUMBERS, "NodeID", "Baudrate", "NetNumber", "CANopenManager", "LSS_SerialNumber")
 # Keys in the standard's spelling: the model's keys are in lower case, but many readers accept only this spelling.
 _PRINTED = {
     key.lower(): key

@@ -10,45 +10,24 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds import layout
 from axisbus.eds.io import values
 from axisbus.eds.layout import PdoLayout
-from axisbus.eds.model import Eds, Object, Variable
+from axisbus.eds.model import DEVICE_NUMBERS, Eds, Object, Variable
 from axisbus.eds.report import compare_object, consequences, overview, pdo_text, wording
 from axisbus.eds.report.consequences import DifferenceGroup, EdsDifference
 from axisbus.wording import counted
 
-_DEVICE = (
-    ("vendorname", "VendorName"),
-    ("productname", "ProductName"),
-    ("ordercode", "OrderCode"),
-)
-_DEVICE_NUMBERS = (
-    ("vendornumber", "VendorNumber"),
-    ("productnumber", "ProductNumber"),
-    ("revisionnumber", "RevisionNumber"),
-    *((f"baudrate_{rate}", f"BaudRate_{rate}") for rate in overview.BIT_RATES),
-    ("simplebootupmaster", "SimpleBootUpMaster"),
-    ("simplebootupslave", "SimpleBootUpSlave"),
-    ("granularity", "Granularity"),
-    ("dynamicchannelssupported", "DynamicChannelsSupported"),
-    ("groupmessaging", "GroupMessaging"),
-    ("nrofrxpdo", "NrOfRXPDO"),
-    ("nroftxpdo", "NrOfTXPDO"),
-    ("lss_supported", "LSS_Supported"),
-    ("compactpdo", "CompactPDO"),
-)
-
-
-_COMMISSIONING = (
-    ("nodeid", "NodeID", "made for another node ID"),
-    ("baudrate", "Baudrate", "made for another bit rate"),
-    ("nodename", "NodeName", ""),
-)
+_DEVICE = ("VendorName", "ProductName", "OrderCode")
+_COMMISSIONING = {
+    "NodeID": "made for another node ID",
+    "Baudrate": "made for another bit rate",
+    "NodeName": "",
+}
 
 
 def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[EdsDifference, ...]:
@@ -75,18 +54,13 @@ def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[EdsDifference, ...
 
 def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
     ours, theirs = a.info.get("deviceinfo", {}), b.info.get("deviceinfo", {})
-    for key, title in _DEVICE:
-        texts = (overview.text(ours.get(key)), overview.text(theirs.get(key)))
+    for title in _DEVICE:
+        texts = (overview.text(ours.get(title.lower())), overview.text(theirs.get(title.lower())))
         if texts[0] != texts[1]:
             yield EdsDifference(
                 DifferenceGroup.IDENTITY, title, *texts, matters=consequences.DEVICE.get(title, "")
             )
-    for key, title in _DEVICE_NUMBERS:
-        given = ours.get(key, "").strip(), theirs.get(key, "").strip()
-        if _device_number(given[0]) != _device_number(given[1]):
-            yield EdsDifference(
-                DifferenceGroup.IDENTITY, title, *given, matters=consequences.DEVICE.get(title, "")
-            )
+    yield from _numbers(ours, theirs, {title: consequences.DEVICE.get(title, "") for title in DEVICE_NUMBERS})
     yield from _commissioning(a, b)
     yield from _modes(a, b, node_id)
 
@@ -98,10 +72,17 @@ def _commissioning(a: Eds, b: Eds) -> Iterator[EdsDifference]:
     )
     if not ours or not theirs:
         return
-    for key, title, meaning in _COMMISSIONING:
-        given = ours.get(key, "").strip(), theirs.get(key, "").strip()
+    yield from _numbers(ours, theirs, _COMMISSIONING, "DCF: ")
+
+
+def _numbers(
+    ours: Mapping[str, str], theirs: Mapping[str, str], meanings: Mapping[str, str], of: str = ""
+) -> Iterator[EdsDifference]:
+    """Yield the differences of the numbers in an information section; ``meanings`` are the consequences, by key."""
+    for title, meaning in meanings.items():
+        given = ours.get(title.lower(), "").strip(), theirs.get(title.lower(), "").strip()
         if _device_number(given[0]) != _device_number(given[1]):
-            yield EdsDifference(DifferenceGroup.IDENTITY, f"DCF: {title}", *given, matters=meaning)
+            yield EdsDifference(DifferenceGroup.IDENTITY, f"{of}{title}", *given, matters=meaning)
 
 
 def _device_number(text: str) -> int | str | None:

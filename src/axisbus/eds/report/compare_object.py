@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from operator import attrgetter
 from typing import NamedTuple
 
 from axisbus.cia301 import objects as cia301
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
+from axisbus.eds.io.values import Default
 from axisbus.eds.model import Number, Object, Variable
 from axisbus.eds.report import consequences, wording
 from axisbus.eds.report.consequences import DifferenceGroup, EdsDifference
 
-Default = Number | float | str | bytes | None
+Meaning = Callable[[Variable, Variable, int | None], str]
 
 # Objects whose values identify the device.
 _IDENTITY = frozenset(
@@ -30,86 +32,56 @@ class _Fact(NamedTuple):
     title: str
     key: Callable[[Variable, int | None], object]
     text: Callable[[Variable, int | None], str]
-    meaning: Callable[[Variable, Variable, int | None], str]
+    meaning: Meaning
 
 
 def _silent(a: Variable, b: Variable, node_id: int | None) -> str:  # noqa: ARG001  the shape of every ``meaning``
     return ""
 
 
+def _mappable(entry: Variable) -> str:
+    return "mappable" if entry.pdo_mapping else "not mappable"
+
+
+def _property(
+    title: str,
+    field: str,
+    meaning: Meaning = _silent,
+    group: DifferenceGroup = DifferenceGroup.TYPES,
+    text: Callable[[Variable], str] | None = None,
+) -> _Fact:
+    """Return the fact of a property, which is written as it is compared unless ``text`` writes it."""
+    key = attrgetter(field)
+    return _Fact(
+        group, title, lambda entry, _: key(entry), lambda entry, _: str((text or key)(entry)), meaning
+    )
+
+
+def _value(title: str, field: str, meaning: Meaning, group: DifferenceGroup) -> _Fact:
+    """Return the fact of a value, which may depend on the node-ID."""
+
+    def key(entry: Variable, node_id: int | None) -> object:
+        return _resolved(getattr(entry, field), node_id)
+
+    def text(entry: Variable, node_id: int | None) -> str:
+        return wording.value(getattr(entry, field), entry, node_id)
+
+    return _Fact(group, title, key, text, meaning)
+
+
 _FACTS = (
-    _Fact(
-        DifferenceGroup.TYPES,
-        "DataType",
-        lambda entry, _: entry.data_type,
-        lambda entry, _: wording.type_name(entry),
-        consequences.data_type,
-    ),
-    _Fact(
-        DifferenceGroup.TYPES,
-        "AccessType",
-        lambda entry, _: entry.access,
-        lambda entry, _: entry.access,
-        consequences.access,
-    ),
-    _Fact(
-        DifferenceGroup.TYPES,
-        "PDOMapping",
-        lambda entry, _: entry.pdo_mapping,
-        lambda entry, _: "mappable" if entry.pdo_mapping else "not mappable",
-        consequences.mappable,
-    ),
-    _Fact(
-        DifferenceGroup.TYPES,
-        "ObjFlags",
-        lambda entry, _: entry.object_flags,
-        lambda entry, _: str(entry.object_flags),
-        _silent,
-    ),
-    _Fact(
-        DifferenceGroup.LIMITS,
-        "LowLimit",
-        lambda entry, node_id: _resolved(entry.low, node_id),
-        lambda entry, node_id: wording.value(entry.low, entry, node_id),
-        consequences.low_limit,
-    ),
-    _Fact(
-        DifferenceGroup.LIMITS,
-        "HighLimit",
-        lambda entry, node_id: _resolved(entry.high, node_id),
-        lambda entry, node_id: wording.value(entry.high, entry, node_id),
-        consequences.high_limit,
-    ),
-    _Fact(
-        DifferenceGroup.NAMES,
-        "ParameterName",
-        lambda entry, _: entry.name,
-        lambda entry, _: entry.name,
-        _silent,
-    ),
-    _Fact(
-        DifferenceGroup.NAMES,
-        "Denotation",
-        lambda entry, _: entry.denotation,
-        lambda entry, _: entry.denotation,
-        _silent,
-    ),
+    _property("DataType", "data_type", consequences.data_type, text=wording.type_name),
+    _property("AccessType", "access", consequences.access),
+    _property("PDOMapping", "pdo_mapping", consequences.mappable, text=_mappable),
+    _property("ObjFlags", "object_flags"),
+    _value("LowLimit", "low", consequences.low_limit, DifferenceGroup.LIMITS),
+    _value("HighLimit", "high", consequences.high_limit, DifferenceGroup.LIMITS),
+    _property("ParameterName", "name", group=DifferenceGroup.NAMES),
+    _property("Denotation", "denotation", group=DifferenceGroup.NAMES),
 )
 _VALUES = (
-    _Fact(
-        DifferenceGroup.DEFAULTS,
-        "DefaultValue",
-        lambda entry, node_id: _resolved(entry.default, node_id),
-        lambda entry, node_id: wording.value(entry.default, entry, node_id),
-        consequences.default,
-    ),
-    _Fact(
-        DifferenceGroup.DEFAULTS,
-        "ParameterValue",
-        lambda entry, node_id: _resolved(entry.parameter_value, node_id),
-        lambda entry, node_id: wording.value(entry.parameter_value, entry, node_id),
-        consequences.default,
-    ),
+    _value("DefaultValue", "default", consequences.default, DifferenceGroup.DEFAULTS),
+    _value("ParameterValue", "parameter_value", consequences.default, DifferenceGroup.DEFAULTS),
 )
 
 

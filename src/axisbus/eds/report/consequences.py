@@ -15,7 +15,7 @@ from axisbus.cia402 import options
 from axisbus.cia402.axes import first_axis
 from axisbus.eds import layout
 from axisbus.eds.layout import PdoLayout
-from axisbus.eds.model import Eds, Number, Variable
+from axisbus.eds.model import BAUD_RATES, Eds, Number, Variable
 from axisbus.eds.report import wording
 
 _REFUSED = "a master that checks the identity refuses the other one"
@@ -27,10 +27,7 @@ DEVICE = {
     "ProductNumber": _REFUSED,
     "RevisionNumber": "a master that checks the revision refuses the other one",
     "SimpleBootUpSlave": "whether the device boots without an NMT master",
-    **{
-        f"BaudRate_{rate}": "whether the device runs at this bit rate"
-        for rate in (10, 20, 50, 125, 250, 500, 800, 1000)
-    },
+    **{f"BaudRate_{rate}": "whether the device runs at this bit rate" for rate in BAUD_RATES},
 }
 
 

@@ -6,7 +6,7 @@ import csv
 import io
 import json
 from collections.abc import Iterator
-from typing import TypedDict
+from typing import Any
 
 from axisbus.eds import layout
 from axisbus.eds.layout import PdoLayout
@@ -14,100 +14,15 @@ from axisbus.eds.model import Eds, Number, Object, Variable
 from axisbus.eds.report import overview, wording
 
 Plain = int | float | str | None
+Facts = dict[str, Any]  # plain values for JSON, by name
+
+_COLUMNS = (
+    *("index", "subindex", "name", "object_name", "object_type", "data_type", "access", "pdo", "default"),
+    *("parameter_value", "low", "high", "object_flags", "denotation", "line"),
+)
 
 
-class EntryFacts(TypedDict):
-    """One entry; values are numbers or texts, bytes are hexadecimal digits, None is absent.
-
-    A value that depends on the node-ID is a text such as ``$NODEID+0x180`` until a node-ID resolves it. ``line`` counts from 1
-    (0: implied by the file, not written in it). ``pdo`` is ``TPDO``, ``RPDO``, ``TPDO/RPDO`` or empty.
-    """
-
-    index: int
-    subindex: int
-    name: str
-    object_name: str
-    object_type: str
-    data_type: str
-    access: str
-    pdo: str
-    default: Plain
-    parameter_value: Plain
-    low: Plain
-    high: Plain
-    object_flags: int
-    denotation: str
-    line: int
-
-
-_COLUMNS = tuple(EntryFacts.__annotations__)
-
-
-class SlotFacts(TypedDict):
-    """One mapped object of a PDO; ``first_bit`` counts from 0."""
-
-    index: int
-    subindex: int
-    name: str
-    first_bit: int
-    bits: int
-    data_type: str | None
-    signed: bool
-
-
-class PdoFacts(TypedDict):
-    """One PDO; ``cob_id`` is the CAN identifier without flags, None if it is unknown."""
-
-    name: str
-    number: int
-    receive: bool
-    cob_id: int | None
-    cob_id_text: str
-    extended: bool
-    valid: bool
-    transmission_type: int | None
-    inhibit_time: int | None
-    event_timer: int | None
-    mapping: list[SlotFacts]
-    notes: list[str]
-
-
-class ModeSupport(TypedDict):
-    """The file's information about one mode of operation on one axis; ``claimed`` is None if 6502h has no value."""
-
-    axis: int
-    mode: str
-    claimed: bool | None
-    missing: list[int]
-
-
-class DeviceFacts(TypedDict):
-    """The kind of device."""
-
-    vendor: str
-    product: str
-    order_code: str
-    vendor_id: int | None
-    product_code: int | None
-    revision: int | None
-    device_type: int | None
-    kind: str
-    axes: int
-    modes: list[ModeSupport]
-    bit_rates: list[int]
-
-
-class Whole(TypedDict):
-    """A whole file."""
-
-    file: str
-    node_id: int | None
-    device: DeviceFacts
-    pdos: list[PdoFacts]
-    entries: list[EntryFacts]
-
-
-def whole(eds: Eds, node_id: int | None) -> Whole:
+def whole(eds: Eds, node_id: int | None) -> Facts:
     """Return the whole contents of the file; values are those for ``node_id`` (1 to 127; None leaves formulas)."""
     return {
         "file": eds.source,
@@ -119,7 +34,7 @@ def whole(eds: Eds, node_id: int | None) -> Whole:
 
 
 def csv_text(eds: Eds, node_id: int | None) -> str:
-    """Return all entries as CSV (RFC 4180, lines end with LF), the columns those of ``EntryFacts``.
+    """Return all entries as CSV (RFC 4180, lines end with LF), the columns those of ``entry``.
 
     Index and sub-index are hexadecimal (``0x1018``, ``0x01``), other numbers decimal; absent values are empty. Values are those for
     ``node_id`` (1 to 127); without one, values that depend on it are formulas such as ``$NODEID+0x180``.
@@ -137,15 +52,19 @@ def json_text(eds: Eds, node_id: int | None) -> str:
     return json.dumps(whole(eds, node_id), indent=2, ensure_ascii=False) + "\n"
 
 
-def entries(eds: Eds, node_id: int | None) -> Iterator[EntryFacts]:
+def entries(eds: Eds, node_id: int | None) -> Iterator[Facts]:
     """Yield all entries in the order of index and sub-index."""
     for owner in eds:
         for sub in owner.subs.values():
             yield entry(owner, sub, node_id)
 
 
-def entry(owner: Object, sub: Variable, node_id: int | None) -> EntryFacts:
-    """Return one entry."""
+def entry(owner: Object, sub: Variable, node_id: int | None) -> Facts:
+    """Return one entry; values are numbers or texts, bytes are hexadecimal digits, None is absent.
+
+    A value that depends on the node-ID is a text such as ``$NODEID+0x180`` until a node-ID resolves it. ``line`` counts from 1
+    (0: implied by the file, not written in it). ``pdo`` is ``TPDO``, ``RPDO``, ``TPDO/RPDO`` or empty.
+    """
     return {
         "index": sub.index,
         "subindex": sub.subindex,
@@ -165,8 +84,8 @@ def entry(owner: Object, sub: Variable, node_id: int | None) -> EntryFacts:
     }
 
 
-def device(eds: Eds, node_id: int | None) -> DeviceFacts:
-    """Return the kind of device that the file describes."""
+def device(eds: Eds, node_id: int | None) -> Facts:
+    """Return the kind of device that the file describes; a mode's ``claimed`` is None if 6502h has no value."""
     seen = overview.overview(eds, node_id)
     return {
         "vendor": seen.vendor,
@@ -186,8 +105,8 @@ def device(eds: Eds, node_id: int | None) -> DeviceFacts:
     }
 
 
-def pdo(given: PdoLayout) -> PdoFacts:
-    """Return one PDO."""
+def pdo(given: PdoLayout) -> Facts:
+    """Return one PDO; ``cob_id`` is the CAN identifier without flags, None if it is unknown; ``first_bit`` counts from 0."""
     formula = given.formula
     text = "" if formula is None else str(_plain(formula, None))
     return {
@@ -206,7 +125,7 @@ def pdo(given: PdoLayout) -> PdoFacts:
     }
 
 
-def _slot(slot: layout.PdoSlot) -> SlotFacts:
+def _slot(slot: layout.PdoSlot) -> Facts:
     return {
         "index": slot.mapped.index,
         "subindex": slot.mapped.subindex,

@@ -12,9 +12,8 @@ from axisbus.cia402.axes import COUNT, axis_of, indices_of, own_index
 from axisbus.cia402.device_type import device_kind
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.eds.io import values
-from axisbus.eds.model import Eds, Identity, Object
-
-BIT_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)  # kbit/s, keys of [DeviceInfo] (DS 306 4.5)
+from axisbus.eds.model import BAUD_RATES, Eds, Identity, Object
+from axisbus.wording import counted
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +56,6 @@ class EdsOverview:
     axes: int
     claims: tuple[ModeClaim, ...]
     bit_rates: tuple[int, ...]
-    entries: int
 
     @property
     def title(self) -> str:
@@ -80,9 +78,14 @@ def overview(eds: Eds, node_id: int | None = None) -> EdsOverview:
         device_kind(device_type),
         axes,
         tuple(claim for axis in range(1, axes + 1) for claim in claims(eds, axis, node_id)),
-        tuple(rate for rate in BIT_RATES if values.plain(device.get(f"baudrate_{rate}", ""))),
-        sum(len(entry.subs) for entry in eds),
+        tuple(rate for rate in BAUD_RATES if values.plain(device.get(f"baudrate_{rate}", ""))),
     )
+
+
+def contents(eds: Eds) -> str:
+    """Return the numbers of objects and entries, in words."""
+    entries = sum(len(entry.subs) for entry in eds)
+    return f"{counted(len(eds.objects), 'object')}, {counted(entries, 'entry', 'entries')}"
 
 
 def axis_count(eds: Eds) -> int:

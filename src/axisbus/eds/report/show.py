@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 import re
-from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -13,7 +12,7 @@ from axisbus.cia301.objects import is_pdo_mapping
 from axisbus.cia402 import value_texts
 from axisbus.eds import layout
 from axisbus.eds.layout import PdoLayout
-from axisbus.eds.model import Eds, Number, Object, Severity, Variable
+from axisbus.eds.model import Eds, Number, Object, Variable
 from axisbus.eds.report import overview, pdo_text, wording
 from axisbus.eds.report.pdo_text import BOXES, Style
 from axisbus.eds.rules import standard
@@ -88,9 +87,9 @@ def head(eds: Eds, node_id: int | None) -> Iterator[str]:
         ("device", _device_words(seen)),
         ("modes", modes_words(seen)),
         ("bit rates", ", ".join(map(str, seen.bit_rates)) + " kbit/s" if seen.bit_rates else ""),
-        ("contents", f"{counted(len(eds.objects), 'object')}, {counted(seen.entries, 'entry', 'entries')}"),
+        ("contents", overview.contents(eds)),
         ("node", _node_words(eds, node_id)),
-        ("reading", findings_words(eds)),
+        ("reading", wording.findings(eds.findings) or "nothing odd"),
     ):
         if text:
             yield f"  {title:<10}  {text}"
@@ -116,13 +115,6 @@ def modes_words(seen: overview.EdsOverview) -> str:
             text = " ".join(claimed) or "none"
         texts.append(f"axis {axis}: {text}" if seen.axes > 1 else text)
     return "; ".join(texts)
-
-
-def findings_words(eds: Eds) -> str:
-    """Return the number of findings of the reading."""
-    counts = Counter(finding.severity for finding in eds.findings)
-    parts = [counted(counts[severity], severity.value) for severity in Severity if counts[severity]]
-    return ", ".join(parts) or "nothing odd"
 
 
 def _device_words(seen: overview.EdsOverview) -> str:
@@ -259,12 +251,10 @@ def object_lines(eds: Eds, match: ObjectMatch, node_id: int | None, screen: Scre
     yield from _drawn(entry, pdos, screen)
 
 
-def pdo_lines(eds: Eds, receive: bool, number: int, node_id: int | None, screen: Screen) -> Iterator[str]:
-    """Yield one PDO drawn, with its parameters; nothing if the file has none of this number."""
-    for each in layout.layouts(eds, node_id):
-        if (each.receive, each.number) == (receive, number):
-            yield from pdo_text.lines(each, screen.drawing, screen.style)
-            yield f"  parameters in {wording.place(each.communication)} and {wording.place(each.mapping)}"
+def pdo_lines(pdo: PdoLayout, screen: Screen) -> Iterator[str]:
+    """Yield a PDO drawn, with its parameters."""
+    yield from pdo_text.lines(pdo, screen.drawing, screen.style)
+    yield f"  parameters in {wording.place(pdo.communication)} and {wording.place(pdo.mapping)}"
 
 
 def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[PdoLayout, ...]) -> Iterator[str]:

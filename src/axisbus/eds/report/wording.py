@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from collections import Counter
+from collections.abc import Iterable
+
 from axisbus.cia301 import cob
 from axisbus.cia301.datatypes import DataType
 from axisbus.cia402 import objects as cia402
 from axisbus.cia402.axes import first_axis
-from axisbus.eds.model import Number, Object, ObjectType, Variable
+from axisbus.eds.model import EdsFinding, Number, Object, ObjectType, Severity, Variable
+from axisbus.wording import counted
 
 Default = Number | float | str | bytes | None
 
@@ -113,3 +117,9 @@ def cob_id(identifier: int) -> str:
     """Return the CAN identifier in a COB-ID entry, without its flags: ``181h``."""
     mask = cob.ID_MASK_29 if identifier & cob.EXTENDED else cob.ID_MASK_11
     return f"{identifier & mask:03X}h"
+
+
+def findings(found: Iterable[EdsFinding]) -> str:
+    """Return the number of findings of each severity, in words; empty if there are none."""
+    counts = Counter(finding.severity for finding in found)
+    return ", ".join(counted(counts[each], each.value) for each in Severity if counts[each])

@@ -16,7 +16,6 @@ from axisbus.eds.rules import pdo, standard
 from axisbus.eds.rules.context import (
     Described,
     Hit,
-    Looks,
     RuleContext,
     an,
     number_of,
@@ -288,7 +287,7 @@ def _wrong_of_all(service: _Service, value: Number) -> str:
 
 
 def sdo_types(sheet: RuleContext) -> Iterator[Hit]:
-    """C003, for the SDO parameters."""
+    """Yield the hits of C003 for the SDO parameters."""
     for sub in _sdo_entries(sheet):
         kind = SDO_TYPES.get(sub.subindex, sub.data_type)
         if sub.data_type and sub.data_type is not kind:
@@ -312,26 +311,3 @@ def sdo_without_ids(sheet: RuleContext) -> Iterator[Hit]:
             if subindex not in entry.subs:
                 text = f"[{index:04X}] has no sub-index {subindex}, {what}"
                 yield sheet.at(sheet.heads.get(index), "", text, index, subindex)
-
-
-LOOKS: Looks = {
-    "C001": no_mandatory,
-    "C002": object_types,
-    "C003": data_types,
-    "C004": access,
-    "C005": no_device_type,
-    "C006": no_error_control,
-    "C007": no_emergency_id,
-    "C008": no_identity,
-    "C009": no_sync_id,
-    "C010": no_cycle_period,
-    "C011": half_a_guard,
-    "C012": sdo_ids,
-    "C013": emergency_id,
-    "C014": sync_overflow,
-    "C015": no_store_format,
-    "C016": identifiers,
-    "C017": sdo_without_ids,
-    "C020": pdo_object_types,
-    "C021": fixed,
-}

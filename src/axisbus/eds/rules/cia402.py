@@ -12,7 +12,7 @@ from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import pdo, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
-from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext
+from axisbus.eds.rules.context import Described, Hit, RuleContext
 from axisbus.eds.rules.drive import axes
 
 # Defined reactions (CiA 402-2 8.4); negative ones are the maker's.
@@ -157,17 +157,3 @@ def _same_shape(sheet: RuleContext, entry: Described) -> bool:
 
 def _mild(sure: bool) -> Severity | None:
     return None if sure else Severity.NOTE
-
-
-LOOKS: Looks = {
-    "M002": data_types,
-    "M003": object_types,
-    "M004": access,
-    "M005": mappable,
-    "M007": profile_number,
-    "M014": no_sub_index,
-    "M015": reactions,
-    "M016": coasting,
-    "M017": one_way,
-    "M021": crossed_ranges,
-}

@@ -10,6 +10,7 @@ from typing import NamedTuple
 from axisbus.cia301.objects import PDOS_OF_A_KIND
 from axisbus.eds.io import values
 from axisbus.eds.io.build import ACCESS_TYPES
+from axisbus.eds.io.new_file import MANDATORY, MANUFACTURER
 from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.io.text import EdsText, Section
 from axisbus.eds.model import Eds, Number, Object, ObjectType, Severity, Variable
@@ -21,6 +22,7 @@ LISTS = {
     "optionalobjects": "OptionalObjects",
     "manufacturerobjects": "ManufacturerObjects",
 }
+
 COMMISSIONING = ("devicecomissioning", "devicecommissioning")  # the spelling of DS 306, and the common one
 
 
@@ -45,8 +47,8 @@ class Described(NamedTuple):
     section: Section
 
     def text(self, key: str) -> str:
-        """Return the file's text for ``key`` (in lower case), empty if there is none."""
-        return self.section.entries.get(key, "")
+        """Return the file's text for ``key``, empty if there is none."""
+        return text_of(self.section, key)
 
     @property
     def says_access(self) -> bool:
@@ -161,7 +163,7 @@ class RuleContext:
         """Return a hit at the value of ``key``; at the section's line if it has no such key; at line 0 without a section."""
         if section is None:
             return Hit(0, 0, message, index, subindex, severity)
-        line, column = self.document.place(section, key) if key else (section.line, 1)
+        line, column = self.document.place(section, key.lower()) if key else (section.line, 1)
         return Hit(line, column, message, index, subindex, severity)
 
     def on(self, entry: Described, key: str, message: str, severity: Severity | None = None) -> Hit:
@@ -169,6 +171,11 @@ class RuleContext:
         variable = entry.variable
         text = f"[{entry.section.name}] {message}"
         return self.at(entry.section, key, text, variable.index, variable.subindex, severity)
+
+    def at_value(self, entry: Variable, message: str, severity: Severity | None = None) -> Hit:
+        """Return a hit at the value after power-up of an entry."""
+        section = self.section_of(entry.index, entry.subindex)
+        return self.at(section, start_key(entry), message, entry.index, entry.subindex, severity)
 
     def at_start(
         self,
@@ -185,27 +192,41 @@ class RuleContext:
         named = (index, subindex or None) if missing is None else (missing, None)
         return self.at(self.section_of(index, subindex), key, message, *named, severity)
 
-    def absent(self, section: Section | None, names: Mapping[str, str]) -> Iterator[Hit]:
-        """Yield a hit if a section lacks some of these keys (in lower case, each with its spelling)."""
-        missing = [name for key, name in names.items() if section is not None and key not in section.entries]
+    def absent(self, section: Section | None, names: Iterable[str]) -> Iterator[Hit]:
+        """Yield a hit if a section lacks some of these keys."""
+        missing = [name for name in names if section is not None and name.lower() not in section.entries]
         if section is not None and missing:
             yield self.at(section, "", f"[{section.name}] has no {', '.join(missing)}")
 
-    def overlong(self, section: Section | None, lengths: Mapping[str, tuple[str, int]]) -> Iterator[Hit]:
-        """Yield a hit for each value that is longer than allowed; ``lengths`` are spelling and characters by key in lower case."""
-        for key, (name, most) in lengths.items():
-            length = len(text_of(section, key))
+    def overlong(self, section: Section | None, lengths: Mapping[str, int]) -> Iterator[Hit]:
+        """Yield a hit for each value that is longer than allowed; ``lengths`` are in characters, by key."""
+        for name, most in lengths.items():
+            length = len(text_of(section, name))
             if length > most:
                 text = f"{name} has {counted(length, 'character')}, at most {most} are allowed"
-                yield self.at(section, key, text)
+                yield self.at(section, name, text)
+
+    def beyond(self, section: Section | None, names: Iterable[str], highest: int, what: str) -> Iterator[Hit]:
+        """Yield a hit for each value of these keys that is no number from 0 to ``highest``."""
+        for name in names:
+            given, value = text_of(section, name), number(section, name)
+            if given and (value is None or not 0 <= value <= highest):
+                yield self.at(section, name, f"{name}={short(given)} {what}")
+
+    def flags(self, section: Section | None, names: Iterable[str]) -> Iterator[Hit]:
+        """Yield a hit for each value of these keys that is neither 0 nor 1."""
+        return self.beyond(section, names, 1, "is neither 0 nor 1")
+
+    def miscounted(self, section: Section, key: str, index: int | None = None) -> Iterator[Hit]:
+        """Yield a hit if the value of ``key`` is not the number of the section's numbered lines."""
+        there = sum(line[:1].isdigit() for line in section.entries)
+        if number(section, key) != there:
+            text = f"[{section.name}] says {key}={short(text_of(section, key))}, but has {there}"
+            yield self.at(section, key, text, index)
 
     def where_missing(self, index: int) -> Section | None:
         """Return the section for reporting a missing object: the list that should contain it."""
-        if index in (0x1000, 0x1001, 0x1018):
-            name = "mandatoryobjects"
-        else:
-            name = "manufacturerobjects" if 0x2000 <= index < 0x6000 else "optionalobjects"
-        return self.section(name)
+        return self.section(list_of(index))
 
     def number(self, index: int, subindex: int = 0) -> int | None:
         """Return an entry's integer after power-up (without the node-ID), None if the file does not give it."""
@@ -214,7 +235,13 @@ class RuleContext:
 
 
 Look = Callable[[RuleContext], Iterable[Hit]]  # the function of a rule
-Looks = Mapping[str, Look]  # by the rule's id
+
+
+def list_of(index: int) -> str:
+    """Return the list to which an object belongs, in lower case."""
+    if index in MANDATORY:
+        return "mandatoryobjects"
+    return "manufacturerobjects" if index in MANUFACTURER else "optionalobjects"
 
 
 def number_of(entry: Variable) -> int | None:
@@ -236,7 +263,7 @@ def start_key(entry: Variable) -> str:
 
 def text_of(section: Section | None, key: str) -> str:
     """Return the value of a key in an information section, empty if it is absent."""
-    return "" if section is None else section.entries.get(key, "")
+    return "" if section is None else section.entries.get(key.lower(), "")
 
 
 def number(section: Section | None, key: str) -> int | None:

@@ -5,18 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.objects import is_pdo_mapping
 from axisbus.eds.concise import take_apart
-from axisbus.eds.io import values
-from axisbus.eds.model import ObjectType
-from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, number, short, text_of
-from axisbus.eds.rules.objects import is_mapping
-from axisbus.eds.rules.text import BAUD_RATES
+from axisbus.eds.model import BAUD_RATES, ObjectType
+from axisbus.eds.rules.context import Described, Hit, RuleContext, number, short
 from axisbus.wording import counted
 
-_LENGTHS = {"nodename": ("NodeName", 246), "networkname": ("NetworkName", 243)}
-_U32 = {"netnumber": "NetNumber", "lss_serialnumber": "LSS_SerialNumber"}
+_LENGTHS = {"NodeName": 246, "NetworkName": 243}
+_U32 = ("NetNumber", "LSS_SerialNumber")
 _MAX_U32 = 0xFFFF_FFFF
-_FILES = {"uploadfile": "UploadFile", "downloadfile": "DownloadFile"}
+_FILES = ("UploadFile", "DownloadFile")
 MAX_NAME = 241
 
 
@@ -61,9 +59,9 @@ def files_of_others(sheet: RuleContext) -> Iterator[Hit]:
         variable = entry.variable
         if variable.object_type is ObjectType.DOMAIN or variable.data_type is DataType.DOMAIN:
             continue
-        for key, name in _FILES.items():
-            if key in entry.section.entries:
-                yield sheet.on(entry, key, f"{name} belongs to a DOMAIN, this is {variable.data_type.name}")
+        for name in _FILES:
+            if name.lower() in entry.section.entries:
+                yield sheet.on(entry, name, f"{name} belongs to a DOMAIN, this is {variable.data_type.name}")
 
 
 def values_in_an_eds(sheet: RuleContext) -> Iterator[Hit]:
@@ -83,20 +81,12 @@ def lengths(sheet: RuleContext) -> Iterator[Hit]:
 
 def network_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """K009."""
-    section = sheet.commissioning
-    for key, name in _U32.items():
-        given = text_of(section, key)
-        value = values.plain(given)
-        if given and (value is None or not 0 <= value <= _MAX_U32):
-            yield sheet.at(section, key, f"{name}={short(given)} is not an UNSIGNED32")
+    return sheet.beyond(sheet.commissioning, _U32, _MAX_U32, "is not an UNSIGNED32")
 
 
 def manager_flag(sheet: RuleContext) -> Iterator[Hit]:
     """K015."""
-    section = sheet.commissioning
-    given = text_of(section, "canopenmanager")
-    if given and values.plain(given) not in (0, 1):
-        yield sheet.at(section, "canopenmanager", f"CANopenManager={short(given)} is neither 0 nor 1")
+    return sheet.flags(sheet.commissioning, ["CANopenManager"])
 
 
 def long_denotations(sheet: RuleContext) -> Iterator[Hit]:
@@ -135,7 +125,7 @@ def order_of_mapping(sheet: RuleContext) -> Iterator[Hit]:
     for entry, key, data in _streams(sheet):
         cleared: set[int] = set()
         for write in take_apart(data).writes:
-            if not is_mapping(write.index):
+            if not is_pdo_mapping(write.index):
                 continue
             if write.subindex == 0:
                 if any(write.data):
@@ -169,20 +159,3 @@ def _streams(sheet: RuleContext) -> Iterator[tuple[Described, str, bytes]]:
             ):
                 if isinstance(value, bytes) and value:
                     yield entry, key, value
-
-
-LOOKS: Looks = {
-    "K002": no_commissioning,
-    "K004": baud_rate,
-    "K005": read_only_values,
-    "K006": files_of_others,
-    "K007": values_in_an_eds,
-    "K008": lengths,
-    "K009": network_numbers,
-    "K013": long_denotations,
-    "K014": unsupported_baud_rate,
-    "K015": manager_flag,
-    "K010": wrong_count,
-    "K011": order_of_mapping,
-    "K012": verification_last,
-}

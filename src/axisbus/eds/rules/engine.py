@@ -1,14 +1,17 @@
 """Run all rules for one parse result, and sort their findings.
 
-The families of rules are other modules of this package; each has a table ``LOOKS`` of functions by rule id, which take a
-``RuleContext`` and yield ``Hit``s. The reader's own findings (``Eds.findings``) have the same form and are added here.
+The families of rules are other modules of this package. A function whose docstring begins with the id of a rule looks for the
+breaches of this rule: it takes a ``RuleContext`` and yields ``Hit``s. The reader's own findings (``Eds.findings``) have the same
+form and are added here.
 """
 
 from __future__ import annotations
 
+import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
+from inspect import isfunction
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
@@ -56,7 +59,19 @@ _FAMILIES = (
     ),
     *(cia301, cia402, modes, dcf, modules),
 )
-LOOKS: dict[str, Look] = {rule: look for family in _FAMILIES for rule, look in family.LOOKS.items()}
+_RULE_ID = re.compile(r"[A-Z][0-9]{3}[a-z]?\b")
+
+
+def _functions_of_rules() -> Iterator[tuple[str, Look]]:
+    for family in _FAMILIES:
+        for function in vars(family).values():
+            if isfunction(function) and function.__module__ == family.__name__:
+                rule = _RULE_ID.match(function.__doc__ or "")
+                if rule is not None:
+                    yield rule[0], function
+
+
+LOOKS: dict[str, Look] = dict(_functions_of_rules())
 
 
 def check(reading: EdsParseResult, wanted: Callable[[str], bool]) -> tuple[EdsFinding, ...]:

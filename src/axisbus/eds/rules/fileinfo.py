@@ -7,36 +7,21 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import PurePath, PureWindowsPath
 
-from axisbus.eds.io import values
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, short, text_of
+from axisbus.eds.rules.context import Hit, RuleContext, short, text_of
 
 _TIME = re.compile(r"(?:0?[0-9]|1[0-2]):[0-5][0-9](?:AM|PM)")
 _DATE = re.compile(r"([0-9]{2})-([0-9]{2})-([0-9]{4})")
 _VERSION = re.compile(r"[34]\.[0-9]")
 _ABSOLUTE = re.compile(r"[A-Za-z]:[\\/]|[\\/]")
 
-_NEEDED = {
-    "filename": "FileName",
-    "fileversion": "FileVersion",
-    "filerevision": "FileRevision",
-    "description": "Description",
-    "creationtime": "CreationTime",
-    "creationdate": "CreationDate",
-    "createdby": "CreatedBy",
-}
-_USUAL = {
-    "edsversion": "EDSVersion",
-    "modificationtime": "ModificationTime",
-    "modificationdate": "ModificationDate",
-    "modifiedby": "ModifiedBy",
-}
-_LENGTHS = {
-    "description": ("Description", 243),
-    "createdby": ("CreatedBy", 245),
-    "modifiedby": ("ModifiedBy", 244),
-}
-_TIMES = {"creationtime": "CreationTime", "modificationtime": "ModificationTime"}
-_DATES = {"creationdate": "CreationDate", "modificationdate": "ModificationDate"}
+_NEEDED = (
+    *("FileName", "FileVersion", "FileRevision", "Description", "CreationTime", "CreationDate"),
+    "CreatedBy",
+)
+_USUAL = ("EDSVersion", "ModificationTime", "ModificationDate", "ModifiedBy")
+_LENGTHS = {"Description": 243, "CreatedBy": 245, "ModifiedBy": 244}
+_TIMES = ("CreationTime", "ModificationTime")
+_DATES = ("CreationDate", "ModificationDate")
 
 
 def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
@@ -69,27 +54,23 @@ def absolute_name(sheet: RuleContext) -> Iterator[Hit]:
 
 def version_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """F003."""
-    for key, name in (("fileversion", "FileVersion"), ("filerevision", "FileRevision")):
-        given = _entry(sheet, key)
-        number = values.plain(given)
-        if given and (number is None or not 0 <= number <= 255):
-            yield _at(sheet, key, f"{name}={short(given)} is not an UNSIGNED8")
+    return sheet.beyond(sheet.file_info, ("FileVersion", "FileRevision"), 0xFF, "is not an UNSIGNED8")
 
 
 def dates(sheet: RuleContext) -> Iterator[Hit]:
     """F004."""
-    for key, name in _DATES.items():
-        given = _entry(sheet, key)
+    for name in _DATES:
+        given = _entry(sheet, name)
         if given and _date(given) is None:
-            yield _at(sheet, key, f"{name}={short(given)} is not a date of the form mm-dd-yyyy")
+            yield _at(sheet, name, f"{name}={short(given)} is not a date of the form mm-dd-yyyy")
 
 
 def times(sheet: RuleContext) -> Iterator[Hit]:
     """F005."""
-    for key, name in _TIMES.items():
-        given = _entry(sheet, key)
+    for name in _TIMES:
+        given = _entry(sheet, name)
         if given and not _TIME.fullmatch(given):
-            yield _at(sheet, key, f"{name}={short(given)} is not a time of the form hh:mm(AM|PM)")
+            yield _at(sheet, name, f"{name}={short(given)} is not a time of the form hh:mm(AM|PM)")
 
 
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
@@ -136,18 +117,3 @@ def _date(text: str) -> date | None:
         return date(int(found[3]), int(found[1]), int(found[2])) if found else None
     except ValueError:
         return None
-
-
-LOOKS: Looks = {
-    "F001": missing_entries,
-    "F002": other_name,
-    "F003": version_numbers,
-    "F004": dates,
-    "F005": times,
-    "F006": lengths,
-    "F007": order_of_dates,
-    "F008": origin,
-    "F009": eds_version,
-    "F010": absolute_name,
-    "F011": usual_entries,
-}

@@ -6,12 +6,10 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from axisbus.eds.io import values
+from axisbus.eds.io.new_file import FIRST_OBJECT
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.context import LISTS, Hit, Looks, RuleContext, short
+from axisbus.eds.rules.context import LISTS, Hit, RuleContext, list_of, short
 from axisbus.wording import counted
-
-MANDATORY = frozenset((0x1000, 0x1001, 0x1018))
-_FIRST_OBJECT = 0x1000  # indices below are data types, which no list contains
 
 
 class Listed(NamedTuple):
@@ -28,7 +26,7 @@ def missing_lists(sheet: RuleContext) -> Iterator[Hit]:
     for name, spelled in LISTS.items():
         section = sheet.section(name)
         if section is None:
-            example = next((index for index in sheet.heads if _proper(index) == name), None)
+            example = next((index for index in sheet.heads if list_of(index) == name), None)
             if example is not None:
                 yield sheet.at(
                     sheet.heads[example],
@@ -98,7 +96,7 @@ def _unlisted(sheet: RuleContext, section: Section) -> list[int]:
     return [
         index
         for index in sheet.heads
-        if index >= _FIRST_OBJECT and index not in listed and _proper(index) == name
+        if index >= FIRST_OBJECT and index not in listed and list_of(index) == name
     ]
 
 
@@ -133,17 +131,10 @@ def wrong_list(sheet: RuleContext) -> Iterator[Hit]:
         name = listed.section.name.lower()
         if listed.target is None or name == "mandatoryobjects":
             continue  # a profile or a maker may define more mandatory objects
-        proper = _proper(listed.target)
+        proper = list_of(listed.target)
         if proper != name:
             text = f"{listed.target:04X} is in [{listed.section.name}], it belongs to [{LISTS[proper]}]"
             yield sheet.at(listed.section, listed.key, text, listed.target)
-
-
-def _proper(index: int) -> str:
-    """Return the list to which an object belongs."""
-    if index in MANDATORY:
-        return "mandatoryobjects"
-    return "manufacturerobjects" if 0x2000 <= index < 0x6000 else "optionalobjects"
 
 
 def _lists(sheet: RuleContext) -> Iterator[Section]:
@@ -190,22 +181,14 @@ def compact_counts(sheet: RuleContext) -> Iterator[Hit]:
     """B002."""
     for (index, kind), section in sheet.reading.parts.beside.items():
         if kind in _COUNTED:
-            yield from _count(sheet, section, "nrofentries", "NrOfEntries", index)
+            yield from sheet.miscounted(section, "NrOfEntries", index)
 
 
 def link_counts(sheet: RuleContext) -> Iterator[Hit]:
     """B003."""
     for (index, kind), section in sheet.reading.parts.beside.items():
         if kind == _LINKS:
-            yield from _count(sheet, section, "objectlinks", "ObjectLinks", index)
-
-
-def _count(sheet: RuleContext, section: Section, key: str, name: str, index: int) -> Iterator[Hit]:
-    given = section.entries.get(key, "")
-    there = sum(key[:1].isdigit() for key in section.entries)
-    if values.plain(given) != there:
-        text = f"[{section.name}] says {name}={short(given)}, but has {there}"
-        yield sheet.at(section, key, text, index)
+            yield from sheet.miscounted(section, "ObjectLinks", index)
 
 
 def link_targets(sheet: RuleContext) -> Iterator[Hit]:
@@ -240,21 +223,3 @@ def foreign_lists(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(
                 section, "", f"[{section.name}] belongs to [{index:04X}], which is not there", index
             )
-
-
-LOOKS: Looks = {
-    "L001": missing_lists,
-    "L003": counts,
-    "L004": numbering,
-    "L005": not_described,
-    "L006": not_listed,
-    "L007": listed_twice,
-    "L008": wrong_list,
-    "L009": no_objects,
-    "B001": both_forms,
-    "B002": compact_counts,
-    "B003": link_counts,
-    "B004": link_targets,
-    "B005": foreign_lists,
-    "O013": names_beyond,
-}

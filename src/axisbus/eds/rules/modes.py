@@ -10,7 +10,7 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.homing import METHODS
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.model import Severity
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, start_key
+from axisbus.eds.rules.context import Hit, RuleContext, start_key
 from axisbus.eds.rules.drive import ALONE, TARGETS, EdsAxis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.wording import counted
 
@@ -233,19 +233,3 @@ def _at_claim(
     absent = None if index is None else axis.offset + index
     word = axis.offset + o.SUPPORTED_DRIVE_MODES
     return sheet.at_start(word, message, missing=absent, severity=severity)
-
-
-LOOKS: Looks = {
-    "M001": no_words,
-    "M001c": missing_objects,
-    "M006": no_supported_modes,
-    "M008": empty_claims,
-    "M009": unclaimed,
-    "M010": reserved_bits,
-    "M011": unsupported_default,
-    "M012": usual_objects,
-    "M013": no_axis_type,
-    "M018": half_a_mode,
-    "M019": homing_methods,
-    "M020": no_mode_display,
-}

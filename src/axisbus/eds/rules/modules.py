@@ -7,11 +7,10 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, number, short
+from axisbus.eds.rules.context import Hit, RuleContext, number, short
 
 _OF_MODULE = re.compile(r"m([0-9]+)(moduleinfo|comments|fixedobjects|subextends|fixed.*|subext.*)")
-_INFO = ("productname", "productversion", "productrevision", "ordercode")
-_INFO_SPELLED = ("ProductName", "ProductVersion", "ProductRevision", "OrderCode")
+_INFO = ("ProductName", "ProductVersion", "ProductRevision", "OrderCode")
 _EXTENSION_COUNT = re.compile(r"(?:0[xX][0-9A-Fa-f]+|[0-9]+)(?:\s*;\s*(?:0[xX][0-9A-Fa-f]+|[0-9]+))?")
 
 
@@ -47,9 +46,7 @@ def foreign_modules(sheet: RuleContext) -> Iterator[Hit]:
 def module_info(sheet: RuleContext) -> Iterator[Hit]:
     """X003."""
     for _, section in _of_kind(sheet, "moduleinfo"):
-        absent = [
-            name for key, name in zip(_INFO, _INFO_SPELLED, strict=True) if not section.entries.get(key)
-        ]
+        absent = [name for name in _INFO if not section.entries.get(name.lower())]
         if absent:
             yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
 
@@ -59,11 +56,7 @@ def counts(sheet: RuleContext) -> Iterator[Hit]:
     lists = [section for kind in ("fixedobjects", "subextends") for _, section in _of_kind(sheet, kind)]
     connected = sheet.section("connectedmodules")
     for section in (*lists, *([connected] if connected is not None else ())):
-        there = sum(key[:1].isdigit() for key in section.entries)
-        if number(section, "nrofentries") != there:
-            given = section.entries.get("nrofentries", "")
-            text = f"[{section.name}] says NrOfEntries={short(given)}, but has {there}"
-            yield sheet.at(section, "nrofentries", text)
+        yield from sheet.miscounted(section, "NrOfEntries")
 
 
 def missing_parts(sheet: RuleContext) -> Iterator[Hit]:
@@ -108,14 +101,3 @@ def _of_kind(sheet: RuleContext, kind: str) -> Iterator[tuple[int, Section]]:
         found = _OF_MODULE.fullmatch(name)
         if found and found[2] == kind:
             yield int(found[1]), section
-
-
-LOOKS: Looks = {
-    "X001": missing_modules,
-    "X002": foreign_modules,
-    "X003": module_info,
-    "X004": counts,
-    "X005": missing_parts,
-    "X006": extension_counts,
-    "X007": unknown_connected,
-}

@@ -11,7 +11,7 @@ from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
 from axisbus.eds.io.values import Default, Limit
 from axisbus.eds.model import Number, ObjectType, Variable
-from axisbus.eds.rules.context import Described, Hit, Looks, RuleContext, short
+from axisbus.eds.rules.context import Described, Hit, RuleContext, short
 from axisbus.wording import counted
 
 MAX_NAME = 241
@@ -22,17 +22,7 @@ _ACTIONS = (
     0x1011,
     *range(0x1F50, 0x1F60),
 )  # writing these starts an action: store, restore, program
-_LIMITS = {"lowlimit": "LowLimit", "highlimit": "HighLimit"}
-
-
-def is_communication(index: int) -> bool:
-    """Whether an object is a communication parameter of a PDO, whose sub-index 4 is usually missing."""
-    return 0x1400 <= index <= 0x15FF or 0x1800 <= index <= 0x19FF
-
-
-def is_mapping(index: int) -> bool:
-    """Whether an object is a PDO mapping parameter, whose sub-index 0 is the number of mapped objects."""
-    return 0x1600 <= index <= 0x17FF or 0x1A00 <= index <= 0x1BFF
+_LIMITS = ("LowLimit", "HighLimit")
 
 
 def shared_names(sheet: RuleContext) -> Iterator[Hit]:
@@ -83,10 +73,10 @@ def no_mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
 def record_keys_on_var(sheet: RuleContext) -> Iterator[Hit]:
     """O017."""
     for entry in sheet.described:
-        for key, name in (("subnumber", "SubNumber"), ("compactsubobj", "CompactSubObj")):
-            given = entry.text(key)
+        for name in ("SubNumber", "CompactSubObj"):
+            given = entry.text(name)
             if given and values.plain(given) != 0:
-                yield sheet.on(entry, key, f"{name} does not belong to a {entry.variable.object_type.name}")
+                yield sheet.on(entry, name, f"{name} does not belong to a {entry.variable.object_type.name}")
 
 
 def domain_keys(sheet: RuleContext) -> Iterator[Hit]:
@@ -96,9 +86,9 @@ def domain_keys(sheet: RuleContext) -> Iterator[Hit]:
             continue
         if entry.variable.pdo_mapping:
             yield sheet.on(entry, "pdomapping", "a DOMAIN cannot be mapped into a PDO")
-        for key, name in _LIMITS.items():
-            if entry.text(key):
-                yield sheet.on(entry, key, f"{name} does not belong to a DOMAIN")
+        for name in _LIMITS:
+            if entry.text(name):
+                yield sheet.on(entry, name, f"{name} does not belong to a DOMAIN")
 
 
 def letters_of_access(sheet: RuleContext) -> Iterator[Hit]:
@@ -161,10 +151,7 @@ def _all(sheet: RuleContext) -> Iterator[tuple[Section, int, int | None]]:
 # -- Rules for values and limits that need more than a single value (DS 306 4.3) ---------------------------------------
 
 
-_VALUES = {"defaultvalue": "DefaultValue", "parametervalue": "ParameterValue"}
-
-
-_NUMBERS = {**_VALUES, **_LIMITS}
+_NUMBERS = ("DefaultValue", "ParameterValue", *_LIMITS)
 _WITHOUT_LIMITS = frozenset(
     (
         *(DataType.VISIBLE_STRING, DataType.OCTET_STRING, DataType.UNICODE_STRING),
@@ -188,10 +175,10 @@ def beyond_limits(sheet: RuleContext) -> Iterator[Hit]:
         variable = entry.variable
         if variable.low is None and variable.high is None:
             continue
-        for key, value in (("defaultvalue", variable.default), ("parametervalue", variable.parameter_value)):
+        for name, value in (("DefaultValue", variable.default), ("ParameterValue", variable.parameter_value)):
             crossed = _crossed(value, variable)
             if crossed:
-                yield sheet.on(entry, key, f"{_VALUES[key]}={short(entry.text(key))} is {crossed}")
+                yield sheet.on(entry, name, f"{name}={short(entry.text(name))} is {crossed}")
 
 
 def _crossed(value: Default, variable: Variable) -> str:
@@ -224,9 +211,9 @@ def limits_of_texts(sheet: RuleContext) -> Iterator[Hit]:
     """V008."""
     for entry in sheet.described:
         if entry.variable.data_type in _WITHOUT_LIMITS:
-            for key, name in _LIMITS.items():
-                if entry.text(key):
-                    yield sheet.on(entry, key, f"{name} says nothing for {entry.variable.data_type.name}")
+            for name in _LIMITS:
+                if entry.text(name):
+                    yield sheet.on(entry, name, f"{name} says nothing for {entry.variable.data_type.name}")
                     break
 
 
@@ -235,12 +222,12 @@ def formula_too_large(sheet: RuleContext) -> Iterator[Hit]:
     for entry in sheet.described:
         variable = entry.variable
         held = (variable.default, variable.parameter_value, variable.low, variable.high)
-        for key, value in zip(_NUMBERS, held, strict=True):
+        for name, value in zip(_NUMBERS, held, strict=True):
             if not (isinstance(value, Number) and value.plus_node_id and variable.data_type.integer):
                 continue
             if value.value + _HIGHEST_NODE_ID > variable.data_type.range[1]:
-                text = f"{_NUMBERS[key]}={short(entry.text(key))} exceeds {variable.data_type.name} with node ID 127"
-                yield sheet.on(entry, key, text)
+                text = f"{name}={short(entry.text(name))} exceeds {variable.data_type.name} with node ID 127"
+                yield sheet.on(entry, name, text)
 
 
 def built_in_node_id(sheet: RuleContext) -> Iterator[Hit]:
@@ -267,24 +254,3 @@ def _node_cob_ids(sheet: RuleContext) -> Iterator[tuple[Described, int, Number]]
         section = sheet.section_of(index, subindex)
         if variable is not None and section is not None and isinstance(variable.default, Number):
             yield Described(variable, section), base, variable.default
-
-
-LOOKS: Looks = {
-    "O015": long_names,
-    "O016": mapping_flag,
-    "O017": record_keys_on_var,
-    "O018": domain_keys,
-    "O019": letters_of_access,
-    "O020": no_mapping_flag,
-    "O021": empty_names,
-    "O027": shared_names,
-    "O028": unguarded_actions,
-    "O029": unknown_flags,
-    "O031": no_object_type,
-    "O032": unknown_types,
-    "V003": beyond_limits,
-    "V007": built_in_node_id,
-    "V008": limits_of_texts,
-    "V016": formula_too_large,
-    "V019": no_node_id,
-}

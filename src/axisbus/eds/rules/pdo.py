@@ -13,7 +13,7 @@ from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import RPDO_ACCESS, TPDO_ACCESS, Object, Severity, Variable
 from axisbus.eds.rules import drive, standard
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, number_of, start_key, start_value
+from axisbus.eds.rules.context import Hit, RuleContext, number_of, start_value
 from axisbus.wording import counted
 
 # -- The default mappings of a file's PDOs, entry by entry -----------------------------------------------------------------
@@ -154,11 +154,8 @@ def _formulas(sheet: RuleContext) -> Iterator[Hit]:
         for holder in used(sheet, entry):
             value = start_value(holder)
             if value is not None and value.plus_node_id:
-                section = sheet.section_of(holder.index, holder.subindex)
-                text = (
-                    f"[{holder.index:04X}sub{holder.subindex:X}] depends on the node ID, and maps no object"
-                )
-                yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
+                name = f"{holder.index:04X}sub{holder.subindex:X}"
+                yield sheet.at_value(holder, f"[{name}] depends on the node ID, and maps no object")
 
 
 def repeated(sheet: RuleContext) -> Iterator[Hit]:
@@ -293,7 +290,7 @@ def count_beyond(sheet: RuleContext) -> Iterator[Hit]:
             text = (
                 f"[{entry.index:04X}sub0] says that {mapped}, but has {counted(highest, 'entry', 'entries')}"
             )
-            yield sheet.at(sheet.section_of(entry.index, 0), start_key(count), text, entry.index, 0)
+            yield sheet.at_value(count, text)
 
 
 def empty_entries(sheet: RuleContext) -> Iterator[Hit]:
@@ -304,8 +301,7 @@ def empty_entries(sheet: RuleContext) -> Iterator[Hit]:
             holder = empty[0]
             more = f", and {len(empty) - 1} more of them" if len(empty) > 1 else ""
             text = f"[{holder.index:04X}sub{holder.subindex:X}] maps nothing, but sub-index 0 counts it{more}"
-            section = sheet.section_of(holder.index, holder.subindex)
-            yield sheet.at(section, start_key(holder), text, holder.index, holder.subindex)
+            yield sheet.at_value(holder, text)
 
 
 def carries_nothing(sheet: RuleContext) -> Iterator[Hit]:
@@ -318,7 +314,7 @@ def carries_nothing(sheet: RuleContext) -> Iterator[Hit]:
         what = counted(len(waiting), "entry is", "entries are")
         text = f"[{entry.index:04X}sub0] is 0: the PDO carries nothing, though {what} filled"
         severity = None if _is_on(sheet, entry.index) else Severity.NOTE
-        yield sheet.at(sheet.section_of(entry.index, 0), start_key(count), text, entry.index, 0, severity)
+        yield sheet.at_value(count, text, severity)
 
 
 def _is_on(sheet: RuleContext, mapping: int) -> bool:
@@ -344,24 +340,5 @@ def _name(target: Variable) -> str:
 
 
 def _on(sheet: RuleContext, slot: MappingEntry, message: str) -> Hit:
-    holder = slot.holder
-    section = sheet.section_of(holder.index, holder.subindex)
     text = f"[{slot.name}] {message}" if slot.active else f"[{slot.name}], not active, {message}"
-    severity = None if slot.active else Severity.NOTE
-    return sheet.at(section, start_key(holder), text, holder.index, holder.subindex, severity)
-
-
-LOOKS: Looks = {
-    "P001": no_mapping,
-    "P002": no_target,
-    "P003": wrong_size,
-    "P004": not_mappable,
-    "P005": wrong_direction,
-    "P006": too_long,
-    "P007": no_communication,
-    "P008": count_beyond,
-    "P010": dummies,
-    "P015": empty_entries,
-    "P016": carries_nothing,
-    "P017": repeated,
-}
+    return sheet.at_value(slot.holder, text, None if slot.active else Severity.NOTE)

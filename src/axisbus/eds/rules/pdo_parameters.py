@@ -9,7 +9,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, start_value
+from axisbus.eds.rules.context import Hit, RuleContext, start_value
 from axisbus.eds.rules.pdo import MAX_ENTRIES, communications, maps
 
 _PARAMETERS = {
@@ -150,12 +150,3 @@ def _spans(numbers: Sequence[int]) -> str:
 @lru_cache(maxsize=256)
 def _is_restricted(identifier: int) -> bool:
     return any(identifier in block for block in _RESTRICTED)
-
-
-LOOKS: Looks = {
-    "P009": parameter_types,
-    "P011": missing_parameters,
-    "P012": reserved_types,
-    "P013": restricted_ids,
-    "P014": shared_ids,
-}

@@ -6,12 +6,12 @@ from collections import Counter
 from collections.abc import Iterator
 
 from axisbus.cia301.datatypes import DataType
+from axisbus.cia301.objects import is_pdo_communication, is_pdo_mapping
 from axisbus.eds.io import compact, values
 from axisbus.eds.io.compact import MAX_ENTRIES
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Number, Object, ObjectType, Severity, Variable
-from axisbus.eds.rules.context import Hit, Looks, RuleContext, an, short
-from axisbus.eds.rules.objects import is_communication, is_mapping
+from axisbus.eds.rules.context import Hit, RuleContext, an, short, text_of
 from axisbus.wording import counted
 
 # -- Determine which sub-index of an object is probably missing, from the object's own counts ------------------------------
@@ -57,14 +57,9 @@ _PDOS_SUPPORTED = (
     0x1004  # of DS 301 V3: all its sub-indices are UNSIGNED32, even 0, the number of synchronous PDOs
 )
 _OWN_COUNT = (_ERROR_FIELD, _PDOS_SUPPORTED)  # their sub-index 0 is not the highest sub-index
-_ON_DATA = {  # keys that belong to the sub-indices of an object, not to the object
-    "defaultvalue": "DefaultValue",
-    "parametervalue": "ParameterValue",
-    "lowlimit": "LowLimit",
-    "highlimit": "HighLimit",
-    "pdomapping": "PDOMapping",
-}
-_OF_TYPE = {"datatype": "DataType", "accesstype": "AccessType"}
+# Keys that belong to the sub-indices of an object, not to the object.
+_ON_DATA = ("DefaultValue", "ParameterValue", "LowLimit", "HighLimit", "PDOMapping")
+_OF_TYPE = ("DataType", "AccessType")
 
 
 def sub_number(sheet: RuleContext) -> Iterator[Hit]:
@@ -84,7 +79,7 @@ def sub_number(sheet: RuleContext) -> Iterator[Hit]:
 def _gap(sheet: RuleContext, entry: Object) -> str:
     """Return a text with the missing sub-index, if SubNumber and sub-index 0 leave only one possibility."""
     absent = missing_subindex(entry, sheet.heads[entry.index], len(_own_subs(sheet, entry)))
-    known = absent is not None and not is_communication(entry.index)
+    known = absent is not None and not is_pdo_communication(entry.index)
     return f"; sub-index {absent:X} seems to be missing" if known else ""
 
 
@@ -101,7 +96,9 @@ def no_sub_zero(sheet: RuleContext) -> Iterator[Hit]:
         if 0 not in entry.subs and not sheet.modular:
             what = "no sub-index 0" if entry.subs else "no sub-indices"
             key = "objecttype" if _seems_a_var(entry, head) else ""
-            yield sheet.at(head, key, f"[{head.name}] is {_article(entry)}, but has {what}", entry.index)
+            yield sheet.at(
+                head, key, f"[{head.name}] is {an(entry.object_type)}, but has {what}", entry.index
+            )
 
 
 def _seems_a_var(entry: Object, head: Section) -> bool:
@@ -146,7 +143,7 @@ def highest_sub_index(sheet: RuleContext) -> Iterator[Hit]:
 
 def _counts_itself(sheet: RuleContext, entry: Object) -> bool:
     """Whether sub-index 0 is the number of sub-indices in use, not the highest sub-index."""
-    return entry.index in _OWN_COUNT or is_mapping(entry.index) or sheet.modular
+    return entry.index in _OWN_COUNT or is_pdo_mapping(entry.index) or sheet.modular
 
 
 def no_highest(sheet: RuleContext) -> Iterator[Hit]:
@@ -174,22 +171,23 @@ def shared_sub_names(sheet: RuleContext) -> Iterator[Hit]:
 def type_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
     """O022."""
     for entry, head in _plain_records(sheet):
-        named = [name for key, name in _OF_TYPE.items() if head.entries.get(key)]
+        named = [name for name in _OF_TYPE if text_of(head, name)]
         if named:
-            key = named[0].lower()
             verb = "belongs" if len(named) == 1 else "belong"
-            text = f"[{head.name}] is {_article(entry)}: {' and '.join(named)} {verb} to its sub-indices"
-            yield sheet.at(head, key, text, entry.index)
+            text = (
+                f"[{head.name}] is {an(entry.object_type)}: {' and '.join(named)} {verb} to its sub-indices"
+            )
+            yield sheet.at(head, named[0], text, entry.index)
 
 
 def data_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
     """O023."""
     for entry, head in _plain_records(sheet):
-        for key, name in _ON_DATA.items():
-            given = head.entries.get(key)
-            if given and not (key == "pdomapping" and given == "0"):
-                text = f"[{head.name}] is {_article(entry)}: {name} belongs to its sub-indices"
-                yield sheet.at(head, key, text, entry.index)
+        for name in _ON_DATA:
+            given = text_of(head, name)
+            if given and not (name == "PDOMapping" and given == "0"):
+                text = f"[{head.name}] is {an(entry.object_type)}: {name} belongs to its sub-indices"
+                yield sheet.at(head, name, text, entry.index)
 
 
 def different_types(sheet: RuleContext) -> Iterator[Hit]:
@@ -231,22 +229,3 @@ def _plain_records(sheet: RuleContext) -> Iterator[tuple[Object, Section]]:
 
 def _own_subs(sheet: RuleContext, entry: Object) -> list[int]:
     return [subindex for subindex in sheet.subs.get(entry.index, {}) if subindex != STRUCTURE]
-
-
-def _article(entry: Object) -> str:
-    return an(entry.object_type)
-
-
-LOOKS: Looks = {
-    "O007": sub_number,
-    "O008": no_sub_zero,
-    "O009": type_of_sub_zero,
-    "O010": highest_sub_index,
-    "O014": shared_sub_names,
-    "O022": type_keys_on_record,
-    "O023": data_keys_on_record,
-    "O024": no_sub_number,
-    "O025": no_highest,
-    "O026": different_types,
-    "O030": type_of_sub,
-}

@@ -8,8 +8,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import lru_cache
 
 from axisbus.eds.io.text import Section
-from axisbus.eds.model import Severity
-from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, Looks, RuleContext
+from axisbus.eds.model import DEVICE_NUMBERS, Severity
+from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, RuleContext
 from axisbus.wording import counted
 
 MAX_LINE = 255
@@ -36,17 +36,15 @@ FILE_KEYS = frozenset(
         *("modificationtime", "modificationdate", "modifiedby"),
     )
 )
-BAUD_RATES = (10, 20, 50, 125, 250, 500, 800, 1000)
+
 # Keys of older versions: no longer in use, but no mistake (DS 306 4.5). Keys that begin with LMT_ are old, too.
 RESERVED_DEVICE_KEYS = frozenset(
     ("productversion", "productrevision", "extendedbootupmaster", "extendedbootupslave")
 )
 DEVICE_KEYS = frozenset(
     (
-        *("vendorname", "vendornumber", "productname", "productnumber", "revisionnumber", "ordercode"),
-        *(f"baudrate_{rate}" for rate in BAUD_RATES),
-        *("simplebootupmaster", "simplebootupslave", "granularity", "dynamicchannelssupported"),
-        *("groupmessaging", "nrofrxpdo", "nroftxpdo", "lss_supported", "compactpdo"),
+        *("vendorname", "productname", "ordercode"),
+        *(name.lower() for name in DEVICE_NUMBERS),
     )
 )
 _MANDATORY = frozenset(("parametername", "datatype", "accesstype", "subnumber", "supportedobjects"))
@@ -158,7 +156,7 @@ def _all_foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
             for key in section.entries.keys() - known:
                 if not _may_be_there(name, key):
                     yield section, key
-    for section in _object_sections(sheet):
+    for section in sheet.reading.parts.described():
         if not section.entries.keys() <= OBJECT_KEYS:
             for key in section.entries:
                 if key not in OBJECT_KEYS and not key.startswith(_OTHER_MARKS):
@@ -169,7 +167,7 @@ def other_comments(sheet: RuleContext) -> Iterator[Hit]:
     """S019."""
     found = [
         (section, key)
-        for section in _object_sections(sheet)
+        for section in sheet.reading.parts.described()
         for key in section.entries
         if key.startswith(_OTHER_MARKS)
     ]
@@ -178,12 +176,6 @@ def other_comments(sheet: RuleContext) -> Iterator[Hit]:
         line, _ = sheet.document.place(section, key)
         text = f"{key[:40]!r} is commented out by {key[:1]!r}, and ';' is the mark{_and_more(found)}"
         yield Hit(line, 1, text)
-
-
-def _object_sections(sheet: RuleContext) -> Iterator[Section]:
-    yield from sheet.heads.values()
-    for subs in sheet.subs.values():
-        yield from subs.values()
 
 
 def _may_be_there(name: str, key: str) -> bool:
@@ -223,16 +215,3 @@ def _and_more(found: Iterable[object]) -> str:
     """Return ``, and 3 more`` for a finding that represents several."""
     others = len(list(found)) - 1
     return f", and {others} more like it" if others else ""
-
-
-LOOKS: Looks = {
-    "S007": long_lines,
-    "S008": spaced_keys,
-    "S013": indented_comments,
-    "S014": old_line_ends,
-    "S015": mixed_line_ends,
-    "S016": unknown_keys,
-    "S017": misspelt_keys,
-    "S018": control_characters,
-    "S019": other_comments,
-}

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section, entry_of
 from axisbus.eds.model import EdsFinding
-from axisbus.eds.rules.context import LISTS, Hit, Looks, RuleContext, short
+from axisbus.eds.rules.context import LISTS, Hit, RuleContext, short
 from axisbus.eds.rules.records import STRUCTURE, is_compact
 from axisbus.wording import counted
 
@@ -129,6 +129,3 @@ def without_consequences(sheet: RuleContext, found: Iterable[EdsFinding]) -> lis
 def _follows(finding: EdsFinding, end: FileTruncation) -> bool:
     of_last = end.index is not None and finding.index == end.index
     return finding.rule in CONSEQUENCES or of_last or finding.line >= end.section.line
-
-
-LOOKS: Looks = {RULE: ends_early}
