@@ -196,23 +196,6 @@ class ModbusModule:
                 return False
         return True  # no answer each time, yet never silent: it restarts in less than a second
 
-    def reboot(self) -> None:
-        """Restart it; blocks until it answers again. Unsaved values are lost.
-
-        Raises:
-            StateError: it is not idle. NodeTimeout: it does not restart, or not come back. ModbusRefused: an exception.
-        """
-        self.require_idle("it is restarted")
-        self.act("reboot")
-        if not self._goes_silent():
-            raise NodeTimeout(
-                f"module {self.device} got the command to restart, and continues as before",
-                node=self.device,
-                observed=f"it answered for {RESTART_BEGINS:g} s",
-                remedy="switch it off and on",
-            )
-        self.wait_back()
-
     def wait_back(self) -> None:
         """Wait until it answers; blocks for at most about 25 s. Raises NodeTimeout: it does not."""
         end = self.wire.now() + RESTART_TIME
