@@ -134,9 +134,9 @@ def on_usb(usb: str) -> UsbParameters:
         UserError: the extra ``usb`` is not installed.
         NodeError: the module is not found, or does not list its parameters.
     """
-    from axisbus.drives.gim6010.usb_parameters import UsbParameters, open_tree
+    from axisbus.drives.gim6010.usb_parameters import connect
 
-    module = UsbParameters(open_tree(usb or None))
+    module = connect(usb or None)
     module.open()
     return module
 
