@@ -13,7 +13,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import NamedTuple
 
 from axisbus.cia301.tables import rows
@@ -22,17 +21,8 @@ from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.sim.parameters import Value
 
 
-class Act(IntEnum):
-    """Holding registers that start an action when any value is written."""
-
-    EMERGENCY_STOP = 0x61
-    REBOOT = 0x7E
-    CLEAR_ERRORS = 0x7F
-    SAVE = 0x80
-
-
 class RegisterAddress(NamedTuple):
-    """One value: struct's letter, and the path of its parameter in the USB tree; empty if it is not a parameter."""
+    """One value: struct's letter, and the path of its parameter or function in the USB tree; empty if there is none."""
 
     kind: str
     path: str
@@ -43,6 +33,8 @@ NODE_ID, STATE_CONTROL = 0x62, 0x63
 ENDPOINT, ENDPOINT_VALUE = 0xA1, 0xA2
 POSITION, VELOCITY = 0x0F, 0x11
 POSITION_TARGET = 0x66
+EMERGENCY_STOP, SAVE = 0x61, 0x80
+WRITE_ONLY = (EMERGENCY_STOP, 0x7E, 0x7F, SAVE, ENDPOINT_VALUE)  # read as 0
 STATES = (1, 3, 4, 7, 8, 11)
 _ROWS = rows(__package__, "station.tsv")
 INPUTS, HOLDINGS = (
@@ -216,11 +208,7 @@ class Station:
             RETURN: lambda: int.from_bytes(module.endpoints.read_bytes(self._endpoint) or bytes(4), "little"),
         }
         if places is HOLDINGS:
-            own = {
-                ENDPOINT: lambda: self._endpoint,
-                **{int(act): lambda: 0 for act in Act},
-                ENDPOINT_VALUE: lambda: 0,
-            }
+            own = {ENDPOINT: lambda: self._endpoint, **{each: lambda: 0 for each in WRITE_ONLY}}
         return own[first]() if first in own else module.usb_read(places[first].path)
 
     def _flags(self) -> int:
@@ -234,8 +222,10 @@ class Station:
 
     def _set(self, first: int, value: Value) -> None:
         module = self.module
-        if first in list(Act):
-            self._act(Act(first))
+        if first == EMERGENCY_STOP:
+            module.axis.estop()
+        elif first == SAVE and not self.dials.save_restarts:
+            module.parameters.save()
         elif first == ENDPOINT:
             self._endpoint = int(value)
         elif first == ENDPOINT_VALUE:
@@ -257,19 +247,6 @@ class Station:
         closed = self.module.axis.state == AxisState.CLOSED_LOOP
         if closed and not was_closed and self.dials.keeps_target and self._target is not None:
             self.module.usb_write(HOLDINGS[POSITION_TARGET].path, self._target)
-
-    def _act(self, act: Act) -> None:
-        module = self.module
-        if act is Act.EMERGENCY_STOP:
-            module.axis.estop()
-        elif act is Act.CLEAR_ERRORS:
-            module.usb_call("clear_errors")
-        elif act is Act.REBOOT:
-            module.usb_call("reboot")
-        elif self.dials.save_restarts:
-            module.usb_call("save_configuration")
-        else:
-            module.parameters.save()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
