@@ -170,10 +170,9 @@ def endpoint(
 
 # -- CANopen ------------------------------------------------------------------------------------------------------------------
 
-_STATUSWORD, _ERROR_CODE, _SUPPLY = (0x6041, 0), (0x603F, 0), (0x6079, 0)
-STATUSWORD, ERROR_CODE, SUPPLY = _STATUSWORD, _ERROR_CODE, _SUPPLY
+STATUSWORD, ERROR_CODE, SUPPLY = (0x6041, 0), (0x603F, 0), (0x6079, 0)
 _WHO = ((o.IDENTITY, o.VENDOR_ID), (o.IDENTITY, o.PRODUCT_CODE), (o.IDENTITY, 3), (o.IDENTITY, 4))
-_HOW = (_STATUSWORD, _ERROR_CODE, *faults.OBJECTS, _SUPPLY)
+_HOW = (STATUSWORD, ERROR_CODE, *faults.OBJECTS, SUPPLY)
 _NAME, _VERSION = (0x1008, 0), (0x100A, 0)
 
 
