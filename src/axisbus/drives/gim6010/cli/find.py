@@ -9,7 +9,8 @@ import click
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next
-from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, look
+from axisbus.cli.shared.options import GivenBus, bus_words
+from axisbus.drives.gim6010.cli.bus import line_options, look
 from axisbus.drives.gim6010.cli.modbus.registers import tell_errors
 from axisbus.drives.gim6010.cli.module_selection import modbus_options, on_usb, usb_options
 
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     "that were heard.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
-def command(line: BusOptions, ask: str | None, as_json: bool) -> int:
+def command(line: GivenBus, ask: str | None, as_json: bool) -> int:
     """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and the next command to type.
 
     It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that
@@ -54,7 +55,7 @@ def command(line: BusOptions, ask: str | None, as_json: bool) -> int:
 
 
 def _show(
-    line: BusOptions, finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
+    line: GivenBus, finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
 ) -> None:
     from axisbus.drives.gim6010.discovery import report_text
 
@@ -65,11 +66,11 @@ def _show(
         say(text)
     if not found:
         _nobody(line, finder, elsewhere)
-    for step in report_text.following(found, line.words):
+    for step in report_text.following(found, bus_words(*line)):
         say_next(step)
 
 
-def _nobody(line: BusOptions, finder: Finder, elsewhere: BitRateTraffic | None) -> None:
+def _nobody(line: GivenBus, finder: Finder, elsewhere: BitRateTraffic | None) -> None:
     """Print that there is no module, and possible reasons."""
     if elsewhere is None:
         heard = finder.picture.listening.frames
@@ -79,7 +80,7 @@ def _nobody(line: BusOptions, finder: Finder, elsewhere: BitRateTraffic | None) 
             else "nothing was heard: check supply, cable and termination; then the bit rate"
         )
     if elsewhere is not None or not finder.picture.listening.frames:
-        no_traffic_help.show(elsewhere, opening_of(None, *line))
+        no_traffic_help.show(elsewhere, opening_of(*line))
 
 
 def _plain(
@@ -117,7 +118,7 @@ def _plain(
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the errors as JSON.")
 def errors_command(
-    line: BusOptions,
+    line: GivenBus,
     node: int | None,
     serial: ModbusTarget | None,
     usb: str | None,
@@ -151,7 +152,7 @@ def errors_command(
     if not found:
         say_error(
             f"no module with node ID {node} was heard, and none answers a request\n"
-            f"  remedy:   list the modules: axisbus gim6010 find {line.words}"
+            f"  remedy:   list the modules: axisbus gim6010 find {bus_words(*line)}"
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK
@@ -170,7 +171,7 @@ def _errors_over_usb(usb: str, *, as_json: bool) -> int:
     return WRONG if any(words.values()) else OK
 
 
-def _ours(line: BusOptions, node: int) -> list[DiscoveredModule]:
+def _ours(line: GivenBus, node: int) -> list[DiscoveredModule]:
     from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
     from axisbus.drives.gim6010.discovery.results import findings
 

@@ -10,7 +10,15 @@ import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import Seconds
-from axisbus.drives.gim6010.cli.bus import ask, end_by, require_node, run_alone, without_remote, yes_option
+from axisbus.drives.gim6010.cli.bus import (
+    ask,
+    end_by,
+    require_bus,
+    require_node,
+    run_alone,
+    without_remote,
+    yes_option,
+)
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     module_options,
@@ -91,7 +99,7 @@ def command(
 
     require_can(asked, "the step is commanded and measured over CAN")
     node = require_node(asked.node)
-    asked.line.check()
+    require_bus(asked.line)
     gains = Gains(pos_gain, vel_gain, vel_integrator_gain)
     trial = ModuleTrial(node, Loop(loop), size, seconds, velocity, acceleration)
     if asked.listed is not None:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import say_note
-from axisbus.cli.shared.options import PATH, Decorated
+from axisbus.cli.shared.options import PATH, Decorated, packed
 from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, RATES
 from axisbus.errors import UserError
 
@@ -86,9 +85,8 @@ parity_option = click.option(
 def target_options(function: Decorated) -> Decorated:
     """Add --port, --node, --rate and --parity; the command gets them together as ``target``."""
 
-    @functools.wraps(function)
-    def packed(port: str, node: int, rate: str, parity: str, **rest: Any) -> Any:
-        return function(target=ModbusTarget(port, node, int(rate), parity), **rest)
+    def target(port: str, node: int, rate: str, parity: str) -> ModbusTarget:
+        return ModbusTarget(port, node, int(rate), parity)
 
     rate_option = click.option(
         "--rate",
@@ -100,7 +98,7 @@ def target_options(function: Decorated) -> Decorated:
     node_option = click.option(
         "--node", type=click.IntRange(1, HIGHEST_DEVICE), required=True, help="The module's node ID."
     )
-    return port_option(node_option(rate_option(parity_option(packed))))
+    return port_option(node_option(rate_option(parity_option(packed(target, "target")(function)))))
 
 
 def endpoint_options(function: Decorated) -> Decorated:
@@ -117,11 +115,10 @@ def endpoint_options(function: Decorated) -> Decorated:
 def list_options(function: Decorated) -> Decorated:
     """Add --list and --made-for to a command with ``target_options``, as part of its ``target``."""
 
-    @functools.wraps(function)
-    def packed(target: ModbusTarget, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
-        return function(target=replace(target, listed=listed, made_for=made_for), **rest)
+    def with_list(target: ModbusTarget, listed: Path | None, made_for: str | None) -> ModbusTarget:
+        return replace(target, listed=listed, made_for=made_for)
 
-    return target_options(endpoint_options(packed))
+    return target_options(endpoint_options(packed(with_list, "target")(function)))
 
 
 @contextmanager
