@@ -336,12 +336,11 @@ def _look(module: ModbusModule) -> Present:
 
 @dataclass(frozen=True, slots=True)
 class StatusRead:
-    """One reading; ``at`` is the time of its first request, in s of the wire's clock. Turns and turns/s are those of the rotor.
+    """One reading. Turns and turns/s are those of the rotor.
 
     ``position`` and ``velocity`` are None if they are not valid: in any state except closed loop, or if they are not numbers.
     """
 
-    at: float
     state: int
     flags: int
     position: float | None = None
@@ -354,9 +353,8 @@ def look(module: ModbusModule, tries: int) -> StatusRead:
     Raises:
         NodeError: no answer, or an exception. AdapterError: the line is gone.
     """
-    at = module.wire.now()
     state, flags = (int(module.read(name, tries)) for name in ("motor_state", "error_flags"))
     if state != CLOSED_LOOP:
-        return StatusRead(at, state, flags)
+        return StatusRead(state, flags)
     place = [float(module.read(name, tries)) for name in ("position_feedback", "velocity_feedback")]
-    return StatusRead(at, state, flags, *(each if math.isfinite(each) else None for each in place))
+    return StatusRead(state, flags, *(each if math.isfinite(each) else None for each in place))

@@ -286,8 +286,6 @@ class LineDials:
 # -- RTU frames: their checksum, and their end in the received bytes (Modbus over serial line V1.02, 2.5) --------------
 
 
-_READS = (0x03, 0x04)
-_WRITE_ONE, _WRITE_SEVERAL = 0x06, 0x10
 _SHORTEST = 4  # address, function, checksum
 _REQUEST = 8  # length of reads, and of a write of one register
 _COUNT_AT = 6  # position of the byte count of a write
@@ -342,7 +340,7 @@ def _size(data: bytes) -> int:
     if len(data) < 2:
         return 0
     function = data[1]
-    if function in _READS or function == _WRITE_ONE:
+    if function in (_READ_HOLDING, _READ_INPUT) or function == _WRITE_ONE:
         return _REQUEST
     if function == _WRITE_SEVERAL:
         return _COUNT_AT + 1 + data[_COUNT_AT] + 2 if len(data) > _COUNT_AT else 0
