@@ -14,13 +14,14 @@ from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
 from axisbus.cli.shared.common import say
 from axisbus.cli.shared.options import Decorated, GivenBus, bus_options, packed, parse_options
+from axisbus.drives.gim6010.discovery.finder import EVERY_NODE, Finder, ProbeScope
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, findings
+from axisbus.errors import StateError
 from axisbus.system.signals import present
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
     from axisbus.drives.gim6010.bus.run import Interruptible
-    from axisbus.drives.gim6010.discovery.finder import Finder
-    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 _LISTEN = 1.2  # s in listen-only mode at the given bit rate
 
@@ -92,10 +93,6 @@ def survey(line: GivenBus, node: int | None = None) -> tuple[Finder, tuple[Disco
         UsageError, AdapterError, ConfigError: as ``look``.
         StateError: the bus runs at another bit rate.
     """
-    from axisbus.drives.gim6010.discovery.finder import EVERY_NODE, Finder, ProbeScope
-    from axisbus.drives.gim6010.discovery.results import findings
-    from axisbus.errors import StateError
-
     finder = Finder(ask=ProbeScope.ALL, only=EVERY_NODE if node is None else (node,), words=False)
     elsewhere = look(line, finder)
     if elsewhere is not None:
@@ -125,10 +122,7 @@ def run_alone(line: GivenBus, procedure: Interruptible) -> int:
 # -- Confirmation before an automatic motion: explain it, and require the user's consent -------------------------------
 
 
-def yes_option(function: Decorated) -> Decorated:
-    return click.option("--yes", is_flag=True, help="Skip the confirmation prompt: all conditions are met.")(
-        function
-    )
+yes_option = click.option("--yes", is_flag=True, help="Skip the confirmation prompt: all conditions are met.")
 
 
 def ask(explanation: Iterable[str], *, yes: bool) -> None:

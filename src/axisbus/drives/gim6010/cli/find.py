@@ -10,15 +10,17 @@ from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next
 from axisbus.cli.shared.options import GivenBus, bus_words
+from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.cli.bus import line_options, look
 from axisbus.drives.gim6010.cli.modbus.registers import tell_errors
+from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
 from axisbus.drives.gim6010.cli.module_selection import modbus_options, on_usb, usb_options
+from axisbus.drives.gim6010.discovery import report_text
+from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, findings
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
-    from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
-    from axisbus.drives.gim6010.discovery.finder import Finder
-    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 
 @click.command("find")
@@ -39,9 +41,6 @@ def command(line: GivenBus, ask: str | None, as_json: bool) -> int:
 
     It listens at other bit rates only in an adapter's listen-only mode; if the adapter has none, only the given rate is tried.
     """
-    from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
-    from axisbus.drives.gim6010.discovery.results import findings
-
     asked = {None: None, "none": ProbeScope.NOBODY, "heard": ProbeScope.HEARD, "all": ProbeScope.ALL}[ask]
     finder = Finder(ask=asked)
     elsewhere = look(line, finder, quiet=as_json)
@@ -57,8 +56,6 @@ def command(line: GivenBus, ask: str | None, as_json: bool) -> int:
 def _show(
     line: GivenBus, finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
 ) -> None:
-    from axisbus.drives.gim6010.discovery import report_text
-
     for each in found:
         for text in report_text.lines(each):
             say(text)
@@ -131,8 +128,6 @@ def errors_command(
     Modbus RTU (--modbus): its error registers. USB (--usb): its error words. Exit code 1 when there is an error, 3 when no
     module with this node ID is found. It clears nothing.
     """
-    from axisbus.drives.gim6010.discovery import report_text
-
     if given:
         for text in report_text.of_words(report_text.parse(each) for each in given):
             say(text)
@@ -143,7 +138,9 @@ def errors_command(
         raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
     if serial is not None:
         return tell_errors(serial, as_json=as_json)
-    found = _ours(line, node)
+    finder = Finder(ask=ProbeScope.ALL, only=(node,))
+    look(line, finder)
+    found = [each for each in findings(finder) if each.ours]
     if as_json:
         say_json([each.plain for each in found])
     for each in () if as_json else found:
@@ -159,8 +156,6 @@ def errors_command(
 
 
 def _errors_over_usb(usb: str, *, as_json: bool) -> int:
-    from axisbus.drives.gim6010 import faults
-
     words = on_usb(usb).error_words()
     if as_json:
         say_json(words)
@@ -169,12 +164,3 @@ def _errors_over_usb(usb: str, *, as_json: bool) -> int:
         for text in told or ["no error"]:
             say(text)
     return WRONG if any(words.values()) else OK
-
-
-def _ours(line: GivenBus, node: int) -> list[DiscoveredModule]:
-    from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
-    from axisbus.drives.gim6010.discovery.results import findings
-
-    finder = Finder(ask=ProbeScope.ALL, only=(node,))
-    look(line, finder)
-    return [each for each in findings(finder) if each.ours]

@@ -24,13 +24,14 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     text_of,
 )
 from axisbus.drives.gim6010.modbus.registers import RATES
+from axisbus.drives.gim6010.parameters import backup
+from axisbus.drives.gim6010.parameters.backup import ParameterBackup
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.usb_parameters import UsbParameters, connect
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
     from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
-    from axisbus.drives.gim6010.parameters.backup import ParameterBackup
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
-    from axisbus.drives.gim6010.usb_parameters import UsbParameters
 
 _Client = TypeVar("_Client")
 
@@ -132,8 +133,6 @@ def on_usb(usb: str) -> UsbParameters:
         UserError: the extra ``usb`` is not installed.
         NodeError: the module is not found, or does not list its parameters.
     """
-    from axisbus.drives.gim6010.usb_parameters import connect
-
     module = connect(usb or None)
     module.open()
     return module
@@ -238,6 +237,4 @@ def require_list(asked: ModuleSelection) -> None:
 
 def backup_of(path: Path) -> ParameterBackup:
     """Return the backup in a file. Raises UserError, ArgumentError: the file cannot be read, or is not a backup."""
-    from axisbus.drives.gim6010.parameters import backup
-
     return backup.read(text_of(path).decode("utf-8", "replace"), path.name)

@@ -9,15 +9,16 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import BitRate, GivenBus, bus_words
+from axisbus.drives.gim6010 import node_id_preconditions
 from axisbus.drives.gim6010.cli.bus import line_options, require_node, survey
 from axisbus.drives.gim6010.cli.modbus.registers import rename
+from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     modbus_options,
@@ -29,12 +30,18 @@ from axisbus.drives.gim6010.cli.module_selection import (
     usb_words_of,
 )
 from axisbus.drives.gim6010.cli.settings.common import over_usb, put, with_module
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
 from axisbus.drives.gim6010.make import RESTART_TIME
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
-    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.parameters import rules
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.settings.parameter_settings import (
+    BIT_RATE,
+    CAN_SIMPLE,
+    CANOPEN,
+    SEARCH,
+    bit_rate,
+    protocol,
+)
 
 
 def _searched(line: GivenBus, node: int) -> Iterator[list[DiscoveredModule]]:
@@ -57,9 +64,6 @@ def set_bitrate_command(asked: ModuleSelection, rate: int) -> int:
     since it would destroy the others' frames, or if it is not idle. Saving restarts it; the new rate applies from then on. Over
     --modbus and --usb there is no search: the rate is that of its CAN interface, which need not be connected.
     """
-    from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.settings.parameter_settings import BIT_RATE, bit_rate
-
     wanted = bit_rate(rate)
     require_list(asked)
     if not asked.over_can:
@@ -129,10 +133,6 @@ def to_canopen_command(asked: ModuleSelection) -> int:
     module on the bus. Over --modbus and --usb there is no search; if RS485 is the interface of the module, it speaks CANopen
     only after CAN becomes its interface, and the command says so.
     """
-    from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.parameters import rules
-    from axisbus.drives.gim6010.settings.parameter_settings import CANOPEN, SEARCH, protocol
-
     wanted = protocol(CANOPEN)
     steps = (*wanted.over_usb, SEARCH)
     require_list(asked)
@@ -190,9 +190,6 @@ def to_can_simple_command(line: GivenBus, node: int | None, usb: str | None) -> 
     No object of CANopen is known that changes the protocol. Exit code 0 if it already speaks CAN Simple, or does now, 1 if the
     steps are shown, 3 if no module has this node ID.
     """
-    from axisbus.drives.gim6010.discovery.results import ProtocolsFound
-    from axisbus.drives.gim6010.settings.parameter_settings import CAN_SIMPLE, SEARCH, protocol
-
     wanted = protocol(CAN_SIMPLE)
     if usb is not None:
         put(on_usb(usb), wanted, save=True)
@@ -239,7 +236,6 @@ def set_id_command(
     modules have the old ID, or if the module is not idle. Over --modbus it looks for NEW only, over --usb there is no search.
     Saving restarts the module.
     """
-    from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.bus.settings_by_message import set_node_id
 
     if usb is not None:
