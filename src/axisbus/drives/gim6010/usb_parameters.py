@@ -125,7 +125,7 @@ class UsbParameters(ModuleParameters):
         self._find = find
         self._gone = gone
         self._found = found
-        self._node = 0
+        self.node = 0  # on CAN and RS485
         self.serial = int(self._device.serial_number, 16)
         self._own: EndpointList | None = None
 
@@ -138,12 +138,7 @@ class UsbParameters(ModuleParameters):
         nodes = [{**member, "name": path} for path, member in self._device.flat_json.items()]
         self._own = parse(json.dumps(nodes), SOURCE)
         self.firmware = Firmware(*(int(self.read(path)) for path in VERSION_ENDPOINTS))
-        self._node = int(self.read(rules.NODE_ID))
-
-    @property
-    def node(self) -> int:
-        """Its node ID on CAN and RS485."""
-        return self._node
+        self.node = int(self.read(rules.NODE_ID))
 
     @property
     def name(self) -> str:
@@ -159,7 +154,7 @@ class UsbParameters(ModuleParameters):
     def set_node_id(self, new: int) -> None:
         """Change its node ID (0 to 63) in RAM and read it back; blocks. Does not check other nodes. Raises as ``write``."""
         require_node(new)
-        self._node = int(self._put(self.endpoint(rules.NODE_ID), new))
+        self.node = int(self._put(self.endpoint(rules.NODE_ID), new))
 
     def _fetch(self, endpoint: Endpoint) -> Value:
         with self._there():

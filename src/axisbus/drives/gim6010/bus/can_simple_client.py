@@ -64,11 +64,6 @@ class SimpleLine:
         """Axis state in the last heartbeat; None if no heartbeat came recently."""
         return None if self.pulse.last is None or self._late() else self.pulse.last.state
 
-    @property
-    def last_beat(self) -> float | None:
-        """Time of the last heartbeat (seconds of the clock)."""
-        return self.pulse.at if self.pulse.stamps else None
-
     def require_there(self) -> None:
         """Check that the module neither restarted nor left since ``listen``; no check is possible if it sends no heartbeats.
 

@@ -344,9 +344,8 @@ class RelayedModule:
 
     def _power(self, writes: Writes) -> None:
         if self._module.state == IDLE:
-            self._put(
-                self._modes
-            )  # a brake is not read back, and a stop of another program may have changed them
+            # a brake is not read back, and a stop of another program may have changed them
+            self._put(self._modes)
             self._enabling = True
             for name, value in writes:
                 self._module.dialogue.write(requests.write(named(name), value))

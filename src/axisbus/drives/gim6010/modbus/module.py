@@ -70,14 +70,8 @@ class ModbusModule:
     def __init__(self, wire: Wire, device: int) -> None:
         """``device``: its node ID, 1 to 247. Sends nothing. Raises ArgumentError: the node ID is invalid."""
         self.dialogue = ModbusClient(wire, device)
-
-    @property
-    def device(self) -> int:
-        return self.dialogue.device
-
-    @property
-    def wire(self) -> Wire:
-        return self.dialogue.wire
+        self.wire = wire
+        self.device = device
 
     def read(self, name: str, tries: int = TRIES) -> Number:
         """Return a value by its name, in the unit of the table; a float may be NaN or infinite, if the module reports that.
