@@ -97,10 +97,6 @@ class Module:
     def node_id(self) -> int:
         return self.parameters.node_id
 
-    @property
-    def protocol(self) -> int:
-        return self._spoken
-
     # The wire.
 
     def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
@@ -109,7 +105,7 @@ class Module:
             return
         if self._slave is not None:
             self._slave.on_frame(can_id, data, now, remote=remote)
-        elif self._spoken == Protocol.CAN_SIMPLE:
+        elif self.protocol == Protocol.CAN_SIMPLE:
             self._talk.on_frame(can_id, data, remote=remote)
 
     def step(self, now: float) -> None:
@@ -189,7 +185,7 @@ class Module:
         return (offset if used and abs(offset) < 1e9 else 0.0) - branch
 
     def _speak(self, protocol: int) -> None:
-        self._spoken = protocol
+        self.protocol = protocol
         self.device = self._slave = None
         if protocol == Protocol.CANOPEN and self._eds is not None and self.node_id > 0:
             self.device = self._as_canopen(self._eds)
@@ -205,7 +201,7 @@ class Module:
     # Time.
 
     def _step(self, dt: float, now: float) -> None:
-        if self.dials.protocol_at_once and self._spoken != self.parameters[_PROTOCOL]:
+        if self.dials.protocol_at_once and self.protocol != self.parameters[_PROTOCOL]:
             self.axis.restart()
             self._speak(int(self.parameters[_PROTOCOL]))
         if self._silent_for > 0.0:
@@ -219,9 +215,9 @@ class Module:
             self._slave.step(now)
             return
         self.axis.step(dt)
-        if self._spoken == Protocol.CAN_SIMPLE:
+        if self.protocol == Protocol.CAN_SIMPLE:
             self._talk.step(now)
-        elif self._spoken == Protocol.EXTENDED:
+        elif self.protocol == Protocol.EXTENDED:
             self._beacon.step(now, self.node_id)
 
     @property

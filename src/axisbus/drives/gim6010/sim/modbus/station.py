@@ -79,11 +79,7 @@ class Station:
         self._now = 0.0
         self._restarts = self.module.restarts
         self._target: float | None = None
-        self._address = self._stored_address
-
-    @property
-    def address(self) -> int:
-        return self._address
+        self.address = self._stored_address
 
     @property
     def broken(self) -> int:
@@ -106,7 +102,7 @@ class Station:
         if self.module.restarts != self._restarts:
             self._restarts = self.module.restarts
             self._answers.clear()
-            self._address = self._stored_address
+            self.address = self._stored_address
             self._endpoint = 0
 
     def due(self, now: float) -> bytes:
@@ -123,7 +119,7 @@ class Station:
 
     def _hear(self, frame: bytes) -> None:
         everybody = frame[0] == _EVERYBODY
-        if (frame[0] != self._address and not everybody) or not self.module.is_awake:
+        if (frame[0] != self.address and not everybody) or not self.module.is_awake:
             return
         if self._counted("deaf"):
             return
@@ -237,7 +233,7 @@ class Station:
             if first == POSITION_TARGET:
                 self._target = float(value)
             if first == NODE_ID and self.dials.node_id_at_once:
-                self._address = int(value)
+                self.address = int(value)
 
     def _state(self, state: int) -> None:
         if state not in STATES:
