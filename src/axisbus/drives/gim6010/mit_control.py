@@ -130,10 +130,7 @@ _OTHERS = frozenset(
         "Set_Input_Torque",
     )
 )
-_ANSWERS, ANSWER_TIME = (
-    3,
-    1.0,
-)  # answers to damping frames before closed loop is requested, and s to wait for them
+_ANSWERS, ANSWER_TIME = 3, 1.0  # answers to damping frames before closed loop, and s to wait for them
 START_TIME = 2.0  # s until a heartbeat must show closed loop
 _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
 BLIND = 0.3  # s of braking if no answer shows the velocity

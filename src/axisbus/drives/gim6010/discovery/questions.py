@@ -57,7 +57,6 @@ class SimpleFacts:
     """
 
     voltage: float | None = None  # V
-    current: float | None = None  # A, from the supply
     version: Firmware | None = None
     serial: int | None = None  # its lowest 32 bits
     errors: dict[str, int] = field(default_factory=dict)
@@ -125,7 +124,7 @@ def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
         answer = yield ProbeFrame(frame, (can_id(node, VOLTAGE.command),))
         values = _values(node, answer, facts)
         if values:
-            facts.voltage, facts.current = float(values["Bus_Voltage"]), float(values["Bus_Current"])
+            facts.voltage = float(values["Bus_Voltage"])
             return
     facts.silent.append("supply voltage")
 
