@@ -138,7 +138,8 @@ class ModuleFeedback:
         if command == heartbeat.COMMAND:
             self._take_beat(frame.data, at)
         elif command == GET_ERROR.command:
-            self._take_error(frame.data)
+            if self.faulty:
+                self.trouble.take(frame.data)
         else:
             found = codec.decode(frame.can_id, frame.data, from_module=True)
             if isinstance(found, DecodedMessage):
@@ -199,10 +200,6 @@ class ModuleFeedback:
         else:
             self.trouble.note(beat.axis_error)
 
-    def _take_error(self, data: bytes) -> None:
-        if self.faulty:
-            self.trouble.take(data)
-
     def _take_reading(self, found: DecodedMessage, at: float) -> None:
         values = [float(each) for each in found.values.values()]
         if found.message.name == self._estimates.name:
@@ -221,10 +218,13 @@ class ModuleFeedback:
         """Return the requests that are due; none while the module is silent, since its answers could not be received then."""
         if self.overdue(now):
             return []
-        fault = self.trouble.ask(now) if self.faulty else None
-        due = [fault]
+        period = self._settings.period
+        due = [self.trouble.ask(now) if self.faulty else None]
         if not self._settings.relayed:  # a relay sends all of these unasked
-            due = [self._ask_estimates(now), self._ask_counts(now), self._ask_current(now), fault]
+            counts = self._counts.ask(now, SELDOM if self.place.joined else max(_COUNTS, period))
+            has_torque = self._settings.torque is not None
+            current = self._iq.ask(now, max(CURRENT_EVERY, period)) if has_torque else None
+            due = [self._ask_estimates(now), counts, current, *due]
         self._look_for_silent(now)
         return [each for each in due if each is not None]
 
@@ -232,23 +232,9 @@ class ModuleFeedback:
         """Request the estimates if they count and the module does not send them unasked."""
         if not (self.closed and self.trusts_estimates):
             return None
-        late = self._estimates.answered_at is None or now - self._estimates.answered_at > self._allowed
+        allowed = max(_LATE * self._settings.period, 0.015)
+        late = self._estimates.answered_at is None or now - self._estimates.answered_at > allowed
         return self._estimates.ask(now, self._settings.period) if late else None
-
-    def _ask_counts(self, now: float) -> Outgoing | None:
-        often = max(_COUNTS, self._settings.period)
-        return self._counts.ask(now, SELDOM if self.place.joined else often)
-
-    @property
-    def _allowed(self) -> float:
-        return max(_LATE * self._settings.period, 0.015)
-
-    def _ask_current(self, now: float) -> Outgoing | None:
-        return (
-            None
-            if self._settings.torque is None
-            else self._iq.ask(now, max(CURRENT_EVERY, self._settings.period))
-        )
 
     def _look_for_silent(self, now: float) -> None:
         """Report once each message that this firmware does not answer."""
