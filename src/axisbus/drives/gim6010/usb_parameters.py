@@ -126,7 +126,8 @@ class UsbParameters(ModuleParameters):
         self._gone = gone
         self._found = found
         self.node = 0  # on CAN and RS485
-        self.serial = int(self._device.serial_number, 16)
+        self._serial_number = str(self._device.serial_number)
+        self.serial = int(self._serial_number, 16)
         self._own: EndpointList | None = None
 
     def open(self) -> None:
@@ -173,7 +174,7 @@ class UsbParameters(ModuleParameters):
     def _save(self) -> None:
         """Save, and wait until the module is back on its port."""
         self.save_and_leave()
-        self._found = self._find(str(self._device.serial_number), RESTART_TIME)
+        self._found = self._find(self._serial_number, RESTART_TIME)
         firmware = self.firmware
         self.open()
         if firmware != self.firmware:
