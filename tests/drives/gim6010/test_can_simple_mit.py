@@ -134,8 +134,3 @@ def test_an_invalid_answer_is_refused(data, reason):
 def test_values_at_an_end_are_named():
     assert mit.read(1, bytes.fromhex("01 FF FF 80 08 00")).at_end == ("position",)
     assert mit.read(1, bytes.fromhex("01 00 00 00 0F FF")).at_end == (*NAMES[:2], "torque")
-
-
-def test_the_gains_at_the_output():
-    assert mit.output_stiffness(1.0, 8.0) == pytest.approx(1.273, abs=5e-4)
-    assert mit.output_damping(2.0, 8.0) == pytest.approx(2.546, abs=1e-3)

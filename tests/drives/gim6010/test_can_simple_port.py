@@ -106,7 +106,7 @@ def test_a_module_that_does_not_go_to_closed_loop_is_reported_and_switched_off(m
     r = made(module=module(wont_start=True))
     with pytest.raises(TransitionError, match="does not change from 'switched on'"):
         r.axis.enable().wait(5)
-    assert any("another state: the command is repeated" in text for _, text in r.port.news)
+    assert any("another state: the command is repeated" in text for _, text in r.port.hearing.news)
     assert r.commands()[-1] == SET_STATE
     assert r.cycle.sent[-1].remote or r.cycle.sent[-1].data[0] == 1
     r.run(1.0)
@@ -532,7 +532,7 @@ def test_error_words_without_an_answer_are_reported_as_such(made):
     r.run(1.5)
     assert "MOTOR_FAILED" in str(r.core.error)
     assert "motor, encoder, controller, system are not answered by this firmware" in str(r.core.error)
-    assert any(text == "Get_Error is not answered by this firmware" for _, text in r.port.news)
+    assert any(text == "Get_Error is not answered by this firmware" for _, text in r.port.hearing.news)
 
 
 def test_zeros_of_a_module_that_switches_itself_off_are_not_used_as_positions(made):
@@ -575,7 +575,7 @@ def test_a_restart_takes_home_away_and_waits_for_a_new_boot(made, on, firmware):
     r.run(3.0)
     assert not r.core.homed
     assert not r.core.image.operational
-    assert any("restarted" in text for _, text in r.port.news)
+    assert any("restarted" in text for _, text in r.port.hearing.news)
     with pytest.raises(StateError):
         r.axis.enable().wait(2)
     with pytest.raises((StateError, NodeError, DriveError)):
@@ -606,8 +606,8 @@ def test_a_heartbeat_that_stops_is_a_lost_node_and_the_axis_is_stopped(made):
     assert not r.module.energised
     r.module.dials.heartbeat_stops = False
     r.run(0.5)
-    assert any("heartbeats were missed, by its life counter" in text for _, text in r.port.news)
-    assert r.port.missed > 10
+    assert any("heartbeats were missed, by its life counter" in text for _, text in r.port.hearing.news)
+    assert r.port.hearing.missed > 10
     r.axis.reset().wait(5)
     r.axis.enable().wait(5)
 
@@ -618,7 +618,7 @@ def test_single_heartbeats_that_are_lost_are_reported_and_harm_nothing(made):
     r.cycle.lose = lambda side, command, _: side == "module" and command == 1 and next(lost)
     r.axis.move_absolute(180.0).wait(10)
     assert r.degrees == pytest.approx(180.0, abs=0.02)
-    assert any("1 heartbeat were missed" in text or "1 heartbeat" in text for _, text in r.port.news)
+    assert any("1 heartbeat were missed" in text or "1 heartbeat" in text for _, text in r.port.hearing.news)
 
 
 @pytest.mark.parametrize("answers", [ESTIMATES, COUNT, 0x14])
@@ -630,7 +630,7 @@ def test_a_message_that_a_firmware_does_not_answer_is_reported_once(made, answer
     if answers == ESTIMATES:
         with pytest.raises(TransitionError):
             r.axis.enable().wait(5)  # its position in closed loop is never sent
-    told = [text for _, text in r.port.news if "not answered by this firmware" in text]
+    told = [text for _, text in r.port.hearing.news if "not answered by this firmware" in text]
     assert len(told) == 1
     since = r.now
     r.run(3.0)
@@ -645,7 +645,7 @@ def test_a_value_that_is_only_answered_to_eight_zeros_is_requested_in_that_form(
     r.module.on_frame = lambda can_id, data, now, remote=False: None if remote else taken(can_id, data, now)
     r.run(1.0)
     assert r.core.image.position is not None
-    assert not any("not answered" in text for _, text in r.port.news)
+    assert not any("not answered" in text for _, text in r.port.hearing.news)
 
 
 def test_a_blocked_axis_ends_its_move_and_does_not_leap(made):

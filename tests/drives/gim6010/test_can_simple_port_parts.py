@@ -188,7 +188,7 @@ def test_a_life_counter_that_continues_after_a_silence_shows_no_restart(life):
     talk.beat()
     talk.cycle()
     assert talk.inputs.operational
-    assert talk.port.missed == 16
+    assert talk.port.hearing.missed == 16
 
 
 def test_between_rare_counts_the_direction_that_fits_the_speed_is_used():
@@ -264,9 +264,9 @@ def _after_silence(life: int, next_life: int, silence: float) -> PortBench:
 def test_heartbeats_that_this_computer_took_late_are_no_restart(step):
     """After 0.5 s in which the program did not run, the count of the first waiting one has advanced by one."""
     talk = _after_silence(100, 100 + step, 0.5)
-    assert not talk.port.hearing.restarted
+    assert not talk.port.hearing.bootups
     talk.port.read(talk.now)
-    assert talk.port.nmt == 5  # operational
+    assert talk.port.hearing.state == 5  # operational
 
 
 @pytest.mark.parametrize(
@@ -285,8 +285,8 @@ def test_heartbeats_that_this_computer_took_late_are_no_restart(step):
 )
 def test_a_count_that_no_time_explains_is_a_restart(life, next_life, silence):
     talk = _after_silence(life, next_life, silence)
-    assert talk.port.hearing.restarts == 1
-    assert talk.port.hearing.restarted_at == talk.now
+    assert talk.port.hearing.bootups == 1
+    assert talk.port.hearing.bootup_stamp == talk.now
 
 
 @pytest.mark.parametrize(("remote", "asked"), [(True, {True, False}), (False, {False})])

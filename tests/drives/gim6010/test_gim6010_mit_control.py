@@ -207,6 +207,8 @@ def test_stiffness_at_the_output_is_converted_by_the_gear():
     assert SETTINGS.stiffness(20.0) == pytest.approx(20.0 * 8.0 / math.tau)
     assert SETTINGS.kp_for(SETTINGS.stiffness(7.5)) == pytest.approx(7.5)
     assert SETTINGS.output_damping(2.0) == pytest.approx(2.0 * 8.0 / math.tau)
+    assert SETTINGS.stiffness(1.0) == pytest.approx(1.273, abs=5e-4)
+    assert SETTINGS.output_damping(2.0) == pytest.approx(2.546, abs=1e-3)
 
 
 def test_a_value_beyond_its_range_is_limited_and_reported():

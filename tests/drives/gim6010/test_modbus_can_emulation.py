@@ -31,7 +31,7 @@ def test_the_relay_polls_state_and_position_and_in_closed_loop_the_estimates():
     assert line.hearing.beat.state == 1
     assert not line.hearing.faulty
     assert line.hearing.place.shown == pytest.approx(0.25 * 16384, abs=2)
-    assert line.hearing.missed == line.hearing.restarts == 0
+    assert line.hearing.missed == line.hearing.bootups == 0
     line.enable()
     assert line.hearing.closed
     assert line.hearing.place.joined
@@ -163,11 +163,11 @@ def test_a_silence_is_no_heartbeat_and_an_answer_after_a_long_one_is_a_restart()
     line.until(0.5)
     line.station.dials.deaf = -1
     line.until(2.0)
-    assert line.hearing.is_silent(line.wire.time)
+    assert line.hearing.overdue(line.wire.time)
     line.station.dials.deaf = 0
     line.until(2.0)
-    assert not line.hearing.is_silent(line.wire.time)
-    assert line.hearing.restarts == 1
+    assert not line.hearing.overdue(line.wire.time)
+    assert line.hearing.bootups == 1
 
 
 def test_errors_are_reported_by_part_and_by_word():

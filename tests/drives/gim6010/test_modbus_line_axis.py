@@ -99,7 +99,7 @@ def test_a_velocity_is_ramped_by_the_master_and_kept_without_starving_the_readin
     assert rig.axis.velocity == pytest.approx(velocity, abs=2.0)
     steps = [(b - a) * TURN for a, b in pairwise(floats(rig, VELOCITY_SET))]
     assert max(map(abs, steps)) <= 360.0 * 2 * PERIOD + 0.01
-    assert rig.port.missed == 0
+    assert rig.port.hearing.missed == 0
     rig.axis.halt().wait(5)
     assert abs(rig.velocity) < 0.1
     assert not rig.is_off

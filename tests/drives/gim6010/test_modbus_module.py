@@ -170,10 +170,10 @@ def test_a_firmware_that_saves_without_a_restart_is_reported():
     assert station.module.restarts == 0
 
 
-def test_saving_and_restarting_under_power_is_refused():
+def test_saving_under_power_is_refused():
     station, _, module = line()
     station.module.usb_write("axis0.requested_state", 8)
-    for act in (module.save, module.reboot, lambda: set_node_id(module, 5)):
+    for act in (module.save, lambda: set_node_id(module, 5)):
         with pytest.raises(StateError, match="closed loop"):
             act()
     assert station.module.restarts == 0
@@ -188,16 +188,6 @@ def test_a_module_that_does_not_return_is_reported():
     with pytest.raises(NodeTimeout, match="does not come back"):
         module.save()
     assert 20.0 < wire.time < 40.0
-
-
-def test_a_restart_restores_the_saved_values():
-    station, _, module = line()
-    module.write("velocity_limit", 11.0)
-    module.reboot()
-    assert module.read("velocity_limit") == 30.0
-    station.dials.exceptions[0x7E, True] = 4
-    with pytest.raises(ModbusRefused, match="reboot"):
-        module.reboot()
 
 
 @pytest.mark.parametrize("at_once", [True, False])

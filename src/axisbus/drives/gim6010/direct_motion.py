@@ -71,9 +71,8 @@ class ModuleMotionProcedure(ABC):
     def _hear(self, command: int, frame: CanFrame) -> None:
         """Take a frame of the module other than its heartbeat."""
 
-    @abstractmethod
-    def _follow(self, time: float) -> None:
-        """Take a heartbeat received after the beginning."""
+    def _follow(self, time: float) -> None:  # noqa: B027  # an optional hook
+        """Take a heartbeat received after the beginning; unless overridden, only the steps evaluate the last one."""
 
     def _brake(self, now: float) -> Outgoing | None:  # noqa: ARG002  # subclasses that set ``_to_brake`` override it
         """Brake before the power is removed; setting ``_to_brake`` to False ends the braking."""

@@ -103,9 +103,7 @@ class ProtocolListener:
     frames: int = 0  # without error frames
     _heard: dict[tuple[int, bool], deque[tuple[float, bytes]]] = field(default_factory=dict)
     _positions: dict[int, deque[bytes]] = field(default_factory=dict)
-    _other: set[tuple[int, bool]] = field(
-        default_factory=set
-    )  # identifiers that certainly belong to no heartbeat
+    _other: set[tuple[int, bool]] = field(default_factory=set)  # identifiers of no heartbeat, certainly
     _canopen: set[int] = field(default_factory=set)  # nodes with error control
     _service: bool = False  # NMT or SYNC was heard
 

@@ -9,10 +9,8 @@ VENDOR_ID = 0x000C0B00  # CyberBeast
 
 COUNTS_PER_ROTOR_TURN = 16384  # 14-bit absolute encoder on the rotor (manual 1.3)
 GEAR_RATIO = 8  # turns of the rotor per turn of the output (manual 1.2)
-RESTART_BEGINS, RESTART_TIME = (
-    3.0,
-    25.0,
-)  # s after a save until it must begin, and for all of it (owners' reports)
+RESTART_BEGINS = 3.0  # s after a save until the restart must begin (owners' reports)
+RESTART_TIME = 25.0  # s after a save for the whole restart (owners' reports)
 COUNTS_PER_OUTPUT_TURN = COUNTS_PER_ROTOR_TURN * GEAR_RATIO
 
 # Product codes are not published: every drive of this vendor gets this plug-in.

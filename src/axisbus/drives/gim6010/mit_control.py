@@ -92,16 +92,20 @@ class MitSettings:
             )
 
     def stiffness(self, kp: float) -> float:
-        """Return the stiffness at the output for a gain ``kp``, in N·m/rad, by the gear."""
-        return mit.output_stiffness(kp, self.gear)
+        """Return the stiffness at the output for a gain ``kp``, in N·m/rad, by the gear.
+
+        The firmware applies the gains to turns of the rotor and does not convert them (seen in code of the same maker, not measured
+        on this module): at 8:1 a gain of 1 is 1.273 N·m/rad.
+        """
+        return kp * self.gear / math.tau
 
     def kp_for(self, stiffness: float) -> float:
         """Return the gain ``kp`` for a stiffness at the output, in N·m/rad."""
         return stiffness * math.tau / self.gear
 
     def output_damping(self, kd: float) -> float:
-        """Return the damping at the output for a gain ``kd``, in N·m per rad/s, by the gear."""
-        return mit.output_damping(kd, self.gear)
+        """Return the damping at the output for a gain ``kd``, in N·m per rad/s, by the gear; as ``stiffness``."""
+        return kd * self.gear / math.tau
 
 
 def ranges_of(module: ModuleParameters) -> MitRanges:
@@ -126,10 +130,7 @@ _OTHERS = frozenset(
         "Set_Input_Torque",
     )
 )
-_ANSWERS, ANSWER_TIME = (
-    3,
-    1.0,
-)  # answers to damping frames before closed loop is requested, and s to wait for them
+_ANSWERS, ANSWER_TIME = 3, 1.0  # answers to damping frames before closed loop, and s to wait for them
 START_TIME = 2.0  # s until a heartbeat must show closed loop
 _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
 BLIND = 0.3  # s of braking if no answer shows the velocity
@@ -291,9 +292,6 @@ class MitLeader(ModuleMotionProcedure):
             self._estimate(frame)
         elif command in _OTHERS:
             self._end(f"another program commands the module (it was heard to send {frame.can_id:03X}h)")
-
-    def _follow(self, time: float) -> None:
-        """Nothing to do: each step evaluates the last heartbeat."""
 
     def _answer(self, frame: CanFrame) -> None:
         found = mit.read(self.node, frame.data, self.settings.ranges)

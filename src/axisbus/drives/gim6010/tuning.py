@@ -364,9 +364,6 @@ class ModuleTuning(ModuleMotionProcedure):
             )
             self._watch(position, velocity)
 
-    def _follow(self, time: float) -> None:
-        """Nothing to do: each step evaluates the last heartbeat."""
-
     def _watch(self, position: float, velocity: float) -> None:
         if not math.isfinite(position + velocity):
             self._end("its position is not a number")

@@ -13,7 +13,7 @@ from __future__ import annotations
 import functools
 import json
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
@@ -38,70 +38,7 @@ ALONE = 1.0  # s to find a second one
 _LIST = "_dev"  # attribute of odrive's objects with the device data; there is no public one
 
 
-class Gone(Exception):  # named for what happened; only ``UsbParameters`` catches it
-    """The module is no longer on the port: it restarts, or was unplugged."""
-
-
-class OdriveTree:
-    """The object tree of one module that odrive has found; use it from one thread only.
-
-    Paths are those of the module's own list, without ``odrv0.``. ``members`` is that list: by path, the JSON data of each parameter
-    and function.
-    """
-
-    def __init__(
-        self, found: Any, find: Callable[[str, float], Any], gone: tuple[type[Exception], ...]
-    ) -> None:
-        """``find`` searches a serial number for so many seconds; ``gone`` are odrive's exceptions for a lost device."""
-        self._found = found
-        self._find = find
-        self._gone = gone
-        device = getattr(found, _LIST)
-        self._name = str(device.serial_number)
-        self.members: Mapping[str, Mapping[str, Any]] = device.flat_json
-
-    @property
-    def serial(self) -> int:
-        """Serial number, as reported by the port."""
-        return int(self._name, 16)
-
-    def read(self, path: str) -> object:
-        """Return a value; blocks. Raises Gone: the module is no longer there."""
-        with self._connected():
-            return getattr(*self._at(path))
-
-    def write(self, path: str, value: Value) -> None:
-        """Write a value; blocks. Raises as ``read``."""
-        with self._connected():
-            setattr(*self._at(path), value)
-
-    def call(self, path: str) -> None:
-        """Call a function without arguments; blocks. Raises as ``read``."""
-        with self._connected():
-            getattr(*self._at(path))()
-
-    def again(self, seconds: float) -> OdriveTree:
-        """Return the same module once it is back on the port; blocks for at most ``seconds``.
-
-        Raises:
-            NodeTimeout: it did not come back.
-        """
-        return OdriveTree(self._find(self._name, seconds), self._find, self._gone)
-
-    def _at(self, path: str) -> tuple[Any, str]:
-        """Return the object that contains the last part of a path, and that part."""
-        *folders, name = path.split(".")
-        return functools.reduce(getattr, folders, self._found), name
-
-    @contextmanager
-    def _connected(self) -> Iterator[None]:
-        try:
-            yield
-        except self._gone as error:
-            raise Gone(str(error)) from error
-
-
-def open_tree(serial: str | None) -> OdriveTree:
+def connect(serial: str | None) -> UsbParameters:
     """Find the module on USB, with this serial number (hexadecimal, as odrive shows it) if several are connected; blocks.
 
     Raises:
@@ -132,7 +69,7 @@ def open_tree(serial: str | None) -> OdriveTree:
     found = find(serial, FIND)
     if serial is None:
         _require_alone(odrive)
-    return OdriveTree(found, find, lost)
+    return UsbParameters(found, find, lost)
 
 
 def _require_alone(odrive: Any) -> None:
@@ -169,7 +106,7 @@ _WIDEST = 8  # bytes of a value
 
 
 class UsbParameters(ModuleParameters):
-    """``ModuleParameters`` of one module on USB; holds its tree."""
+    """``ModuleParameters`` of one module on USB; holds its tree. Use it from one thread only."""
 
     widest = _WIDEST
     remedies = (
@@ -177,12 +114,20 @@ class UsbParameters(ModuleParameters):
         "write it again, and check whether the value remains after switching the module off and on",
     )
 
-    def __init__(self, tree: OdriveTree) -> None:
-        """Prepare; nothing is read before ``open``."""
+    def __init__(
+        self, found: Any, find: Callable[[str, float], Any], gone: tuple[type[Exception], ...]
+    ) -> None:
+        """Prepare; nothing is read before ``open``. ``found`` is odrive's object tree of the module.
+
+        ``find`` searches a serial number for so many seconds; ``gone`` are odrive's exceptions for a lost device.
+        """
         super().__init__()
-        self._tree = tree
-        self._node = 0
-        self.serial = tree.serial
+        self._find = find
+        self._gone = gone
+        self._found = found
+        self.node = 0  # on CAN and RS485
+        self._serial_number = str(self._device.serial_number)
+        self.serial = int(self._serial_number, 16)
         self._own: EndpointList | None = None
 
     def open(self) -> None:
@@ -191,15 +136,10 @@ class UsbParameters(ModuleParameters):
         Raises:
             NodeError: it does not report them. ArgumentError: its list is invalid.
         """
-        nodes = [{**member, "name": path} for path, member in self._tree.members.items()]
+        nodes = [{**member, "name": path} for path, member in self._device.flat_json.items()]
         self._own = parse(json.dumps(nodes), SOURCE)
         self.firmware = Firmware(*(int(self.read(path)) for path in VERSION_ENDPOINTS))
-        self._node = int(self.read(rules.NODE_ID))
-
-    @property
-    def node(self) -> int:
-        """Its node ID on CAN and RS485."""
-        return self._node
+        self.node = int(self.read(rules.NODE_ID))
 
     @property
     def name(self) -> str:
@@ -215,11 +155,11 @@ class UsbParameters(ModuleParameters):
     def set_node_id(self, new: int) -> None:
         """Change its node ID (0 to 63) in RAM and read it back; blocks. Does not check other nodes. Raises as ``write``."""
         require_node(new)
-        self._node = int(self._put(self.endpoint(rules.NODE_ID), new))
+        self.node = int(self._put(self.endpoint(rules.NODE_ID), new))
 
     def _fetch(self, endpoint: Endpoint) -> Value:
         with self._there():
-            found = self._tree.read(endpoint.path)
+            found = getattr(*self._at(endpoint.path))
         if isinstance(found, bool | int | float):
             return found
         raise NodeError(
@@ -228,13 +168,13 @@ class UsbParameters(ModuleParameters):
 
     def _store(self, endpoint: Endpoint, value: Value) -> Value:
         with self._there():
-            self._tree.write(endpoint.path, value)
+            setattr(*self._at(endpoint.path), value)
         return self._fetch(endpoint)
 
     def _save(self) -> None:
         """Save, and wait until the module is back on its port."""
         self.save_and_leave()
-        self._tree = self._tree.again(RESTART_TIME)
+        self._found = self._find(self._serial_number, RESTART_TIME)
         firmware = self.firmware
         self.open()
         if firmware != self.firmware:
@@ -246,8 +186,8 @@ class UsbParameters(ModuleParameters):
         """Save like ``save``, but do not wait for the restart, for changes after which the module does not return."""
         self.require_idle()
         try:
-            self._tree.call(self._function(_SAVE))
-        except Gone:
+            self._call(_SAVE)
+        except self._gone:
             return
         if not self._goes():
             raise NodeError(
@@ -271,22 +211,33 @@ class UsbParameters(ModuleParameters):
 
     def _clear(self) -> None:
         with self._there():
-            self._tree.call(self._function(_CLEAR))
+            self._call(_CLEAR)
 
     def _state(self) -> int:
         return int(self.read(_STATE))
 
-    def _function(self, path: str) -> str:
-        return found_in(self.listed.functions, path, "function", SOURCE).path
+    @property
+    def _device(self) -> Any:
+        """Its serial number, and its own list: by path, the JSON data of each parameter and function."""
+        return getattr(self._found, _LIST)
+
+    def _at(self, path: str) -> tuple[Any, str]:
+        """Return the object that contains the last part of a path, and that part."""
+        *folders, name = path.split(".")
+        return functools.reduce(getattr, folders, self._found), name
+
+    def _call(self, path: str) -> None:
+        """Call a function without arguments."""
+        getattr(*self._at(found_in(self.listed.functions, path, "function", SOURCE).path))()
 
     def _goes(self) -> bool:
         """Return whether it leaves its port within some seconds."""
         end = time.monotonic() + RESTART_BEGINS
         try:
             while time.monotonic() < end:
-                self._tree.read(_STATE)
+                getattr(*self._at(_STATE))
                 time.sleep(_LOOK)
-        except Gone:
+        except self._gone:
             return True
         return False
 
@@ -295,7 +246,7 @@ class UsbParameters(ModuleParameters):
         """Raise ``NodeTimeout`` if the module leaves its port in this block."""
         try:
             yield
-        except Gone as gone:
+        except self._gone as gone:
             raise NodeTimeout(
                 f"{self.name} is no longer there",
                 node=self.node,

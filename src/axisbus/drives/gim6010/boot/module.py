@@ -322,7 +322,10 @@ def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: Ho
         "at_rest": "then stays in closed loop and holds its position" if holds else "then power off",
         "coasts": _COASTS,
         "goes_on": _GOES_ON,
-        **{name: _within(getattr(times, name)) for name in ("halt", "quick_stop", "disable")},
+        **{
+            name: f" (at most {getattr(times, name):g} s, then the next step)"
+            for name in ("halt", "quick_stop", "disable")
+        },
     }
     steps = [
         (row["step"], row["request"], row["effect"].format(**values))
@@ -333,7 +336,3 @@ def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: Ho
             ("holds a load", "", f"by its {holds_load.value}: never switched off before it is at standstill")
         )
     return StopLadderReport(axis, tuple(steps), (f"{axis}: power off, and any fault: {_COASTS}",))
-
-
-def _within(seconds: float) -> str:
-    return f" (at most {seconds:g} s, then the next step)"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from types import TracebackType
+from contextlib import ExitStack
 from typing import Self
 
 from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
-from axisbus.drives.gim6010.bus.run import send
+from axisbus.drives.gim6010.bus.run import send, subscribed
 from axisbus.drives.gim6010.can_simple.codec import Outgoing, encode
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND, HeartbeatMonitor
 from axisbus.drives.gim6010.can_simple.identifier import can_id
@@ -32,17 +32,14 @@ class SimpleLine:
         self.pulse = HeartbeatMonitor(node)
         self._came = channel.clock.condition()
         self._ears: list[tuple[int, Receiver]] = [(can_id(node, COMMAND), self._beat)]
+        self._listening = ExitStack()
 
     def __enter__(self) -> Self:
-        for identifier, receiver in self._ears:
-            self.channel.subscribe(identifier, receiver)
+        self._listening.enter_context(subscribed(self.channel, self._ears))
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        for identifier, receiver in self._ears:
-            self.channel.unsubscribe(identifier, receiver)
+    def __exit__(self, *_: object) -> None:
+        self._listening.close()
 
     def hear(self, command: int, receiver: Receiver) -> None:
         """Call ``receiver(data, stamp)`` for each frame of ``command`` while this is open; call before opening."""
@@ -66,11 +63,6 @@ class SimpleLine:
     def state(self) -> int | None:
         """Axis state in the last heartbeat; None if no heartbeat came recently."""
         return None if self.pulse.last is None or self._late() else self.pulse.last.state
-
-    @property
-    def last_beat(self) -> float | None:
-        """Time of the last heartbeat (seconds of the clock)."""
-        return self.pulse.at if self.pulse.stamps else None
 
     def require_there(self) -> None:
         """Check that the module neither restarted nor left since ``listen``; no check is possible if it sends no heartbeats.

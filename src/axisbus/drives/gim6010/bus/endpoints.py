@@ -44,6 +44,7 @@ class CanSimpleParameters(ParametersByNumber):
         """``line`` must not be open yet. Nothing is sent before ``open``."""
         super().__init__()
         self.line = line
+        self.node = line.node
         self._answers: deque[EndpointAnswer] = deque(maxlen=64)
         self._odd: list[str] = []
         self._asked: Counter[int] = Counter()  # by endpoint: number of answers that may still come
@@ -63,11 +64,6 @@ class CanSimpleParameters(ParametersByNumber):
         self.firmware = self._version()
         self._fit(listed, made_for)
         (self.serial,) = self._numbers((endpoint_messages.request_serial(self.node),))
-
-    @property
-    def node(self) -> int:
-        """Its node ID of CAN Simple."""
-        return self.line.node
 
     def _fetch(self, endpoint: Endpoint) -> Value:
         """Read a value; blocks for at most about 0.3 s."""
@@ -189,7 +185,7 @@ class CanSimpleParameters(ParametersByNumber):
 
     def _is_silent(self) -> bool:
         """Whether the heartbeats have stopped; if the module sends none, whether it no longer answers."""
-        if self.line.last_beat is not None:
+        if self.line.pulse.stamps:
             return self.line.state is None
         try:
             self._version()

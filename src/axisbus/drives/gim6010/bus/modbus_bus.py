@@ -95,9 +95,8 @@ class RelayedBus(can.BusABC):
             self._told.put(error)
 
     def _work(self) -> None:
-        if (
-            self._failed and self._relay.is_idle
-        ):  # nothing is received any more, but stop commands can be sent
+        # after a failure nothing is received any more, but stop commands can be sent
+        if self._failed and self._relay.is_idle:
             self._wire.sleep(_IDLE)
             return
         try:

@@ -7,7 +7,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from types import TracebackType
 from typing import Self
 
 from axisbus.bus.link.channel import Channel
@@ -115,9 +114,7 @@ class ModbusWatchdogProcess:
             )
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End the process: the program has stopped the module itself, or has reported that it could not."""
         self._end(_OVER)
 

@@ -11,7 +11,7 @@ from functools import partial
 from types import FrameType
 from typing import Any, Protocol
 
-from axisbus.bus.link.channel import Channel, require_other_thread
+from axisbus.bus.link.channel import Channel, Receiver, require_other_thread
 from axisbus.bus.link.controller import CanErrorState
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
@@ -40,8 +40,8 @@ class ModuleProcedure(Protocol):
         """Advance to ``now`` and return the frame to send, if any."""
 
 
-def run(channel: Channel, dialogue: ModuleProcedure) -> None:
-    """Run a dialogue to its end; blocks until then.
+def run(channel: Channel, dialogue: ModuleProcedure, report: Callable[[], None] = lambda: None) -> None:
+    """Run a dialogue to its end; blocks until then. ``report`` is called whenever nothing is to be sent, and at the end.
 
     Raises:
         AdapterError: the channel failed before anything was sent, or stopped receiving.
@@ -59,10 +59,12 @@ def run(channel: Channel, dialogue: ModuleProcedure) -> None:
                 dialogue.trouble(sign)
             request = dialogue.step(channel.clock.now())
             if request is None:
+                report()
                 channel.clock.sleep(_TICK)
             else:
                 watch.sent = True
                 _send(channel, dialogue, request, knows_failure=bool(sign) and channel.failure is not None)
+    report()
     if not watch.sent:
         channel.check()
 
@@ -140,33 +142,20 @@ class Interruptible(ModuleProcedure, Protocol):
         """Make the dialogue start its cleanup."""
 
 
-class _Told:
-    """A dialogue whose reports are passed to ``tell``."""
-
-    def __init__(self, dialogue: Interruptible, tell: Tell) -> None:
-        self._dialogue, self._tell = dialogue, tell
-        self.note, self.trouble = dialogue.note, dialogue.trouble
-
-    @property
-    def done(self) -> bool:
-        return self._dialogue.done and not self._dialogue.news
-
-    def step(self, now: float) -> Outgoing | None:
-        request = None if self._dialogue.done else self._dialogue.step(now)
-        if request is None and self._dialogue.news:
-            self._tell(self._dialogue.news.popleft())
-        return request
-
-
 def run_guarded(channel: Channel, dialogue: Interruptible, tell: Tell) -> int:
     """Run a dialogue and its cleanup to the end in any case; blocks. Return the signal that interrupted it, 0 for none.
 
     Raises:
         AdapterError: the channel failed before anything was sent. Any exception of ``tell``, after the dialogue's cleanup.
     """
+
+    def report() -> None:
+        while dialogue.news:
+            tell(dialogue.news.popleft())
+
     with interrupts(dialogue.interrupt) as caught:
         try:
-            run(channel, _Told(dialogue, tell))
+            run(channel, dialogue, report)
         except BaseException as error:
             _leave(channel, dialogue, error)
             raise
@@ -198,14 +187,20 @@ def frames_of(channel: Channel, node: int, heard: deque[CanFrame]) -> Iterator[N
     def hear(can_id: int, data: bytes, stamp: float) -> None:
         heard.append(CanFrame(stamp, can_id, bytes(data)))
 
-    ears = {can_id: partial(hear, can_id) for can_id in identifiers(node)}
-    for can_id, ear in ears.items():
-        channel.subscribe(can_id, ear)
+    with subscribed(channel, [(can_id, partial(hear, can_id)) for can_id in identifiers(node)]):
+        yield
+
+
+@contextmanager
+def subscribed(channel: Channel, receivers: Sequence[tuple[int, Receiver]]) -> Iterator[None]:
+    """Pass the frames of each identifier to its receiver within the block."""
+    for can_id, receiver in receivers:
+        channel.subscribe(can_id, receiver)
     try:
         yield
     finally:
-        for can_id, ear in ears.items():
-            channel.unsubscribe(can_id, ear)
+        for can_id, receiver in receivers:
+            channel.unsubscribe(can_id, receiver)
 
 
 @contextmanager

@@ -148,7 +148,7 @@ def set_node_id(channel: Channel, old: int, new: int, *, save: bool, tell: Calla
         if before.state != IDLE:
             known = "not heard" if before.state is None else f"in {state_words(before.state)}"
             raise StateError(f"module {old} is {known}, and not idle", remedy="stop and disable it first")
-        if after.last_beat is not None:
+        if after.pulse.stamps:
             raise StateError(
                 f"another module sends heartbeats with node ID {new}", remedy="give a free node ID"
             )
@@ -161,16 +161,16 @@ def set_node_id(channel: Channel, old: int, new: int, *, save: bool, tell: Calla
 
 
 def _taken(before: SimpleLine, after: SimpleLine) -> None:
-    if not after.wait(lambda: after.last_beat is not None, _TAKEN):
+    if not after.wait(lambda: bool(after.pulse.stamps), _TAKEN):
         raise NodeError(
             f"module {before.node} does not accept the node ID {after.node}",
             node=before.node,
             observed=f"no heartbeat with it came in {_TAKEN:g} s",
             remedy="set it over USB: odrv0.axis0.config.can.node_id, then save",
         )
-    changed = after.last_beat or 0.0
+    changed = after.pulse.at
     before.clock.sleep(_QUIET)
-    if (before.last_beat or 0.0) > changed:
+    if before.pulse.at > changed:
         raise several(before.node)
 
 
@@ -189,13 +189,13 @@ def _save(before: SimpleLine, after: SimpleLine) -> None:
 def _back(before: SimpleLine, after: SimpleLine, gone: float) -> None:
     """Wait for the first heartbeat after the restart, under either ID."""
     while after.clock.now() < gone + RESTART_TIME:
-        if (before.last_beat or 0.0) > gone:
+        if before.pulse.at > gone:
             raise NodeError(
                 f"the module came back with the node ID {before.node}: the new one was not saved",
                 node=before.node,
                 remedy="set and save it over USB",
             )
-        if (after.last_beat or 0.0) > gone:
+        if after.pulse.at > gone:
             return
         after.clock.sleep(_LOOK)
     raise NodeTimeout(

@@ -24,10 +24,6 @@ class Identifier(NamedTuple):
     node: int
     command: int
 
-    @property
-    def can_id(self) -> int:
-        return self.node << _COMMAND_BITS | self.command
-
 
 def require_node(node: object) -> None:
     """Check a node ID. Raises ArgumentError: it is not from 0 to 63."""
@@ -42,7 +38,7 @@ def can_id(node: int, command: int) -> int:
     """
     require_node(node)
     _check("command ID of CAN Simple", command, COMMANDS)
-    return Identifier(node, command).can_id
+    return node << _COMMAND_BITS | command
 
 
 def split(identifier: int) -> Identifier:

@@ -70,8 +70,7 @@ MANUAL = MitRanges()
 class MitCommand:
     """Command of an axis: position (rad) and velocity (rad/s) of the output, torque (N·m) at the output, and the two gains.
 
-    ``kp`` and ``kd`` are in the firmware's units (0 to 500 and 0 to 5 by the manual); ``output_stiffness`` and ``output_damping``
-    convert them.
+    ``kp`` and ``kd`` are in the firmware's units (0 to 500 and 0 to 5 by the manual); ``MitSettings`` converts them.
 
     Raises:
         ArgumentError: a value is not a finite number.
@@ -158,20 +157,6 @@ def read(node: int, data: bytes, ranges: MitRanges = MANUAL) -> MitFeedback | Un
         return values
     ends = [name for _, name, low, high in _spans(MIT_CONTROL.answer, ranges) if values[name] in (low, high)]
     return MitFeedback(node, **values, at_end=tuple(ends))
-
-
-def output_stiffness(kp: float, gear: float) -> float:
-    """Return the stiffness at the output, in N·m/rad, for a gain of MIT control; ``gear`` is in turns of the rotor per output turn.
-
-    The firmware applies the gains to turns of the rotor and does not convert them (seen in code of the same maker, not measured on
-    this module): at 8:1 a gain of 1 is 1.273 N·m/rad.
-    """
-    return kp * gear / math.tau
-
-
-def output_damping(kd: float, gear: float) -> float:
-    """Return the damping at the output, in N·m per rad/s, for a gain of MIT control; see ``output_stiffness``."""
-    return kd * gear / math.tau
 
 
 def _spans(

@@ -5,49 +5,38 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterable
 from contextlib import ExitStack
-from typing import TYPE_CHECKING, NamedTuple
+from functools import partial
+from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import open_bus, opening_of, require_rate
 from axisbus.cli.shared.common import say
-from axisbus.cli.shared.options import Decorated, bus_options, bus_words, packed, parse_options
+from axisbus.cli.shared.options import Decorated, GivenBus, bus_options, packed, parse_options
+from axisbus.drives.gim6010.discovery.finder import EVERY_NODE, Finder, ProbeScope
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, findings
+from axisbus.errors import StateError
 from axisbus.system.signals import present
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
     from axisbus.drives.gim6010.bus.run import Interruptible
-    from axisbus.drives.gim6010.discovery.finder import Finder
-    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 _LISTEN = 1.2  # s in listen-only mode at the given bit rate
 
 
-class BusOptions(NamedTuple):
-    """The bus options -i, -c, -b and -O."""
-
-    interface: str | None
-    channel: str | None
-    bitrate: int | None
-    option: tuple[str, ...]
-
-    @property
-    def words(self) -> str:
-        """The options as typed, to be repeated in a hint."""
-        return bus_words(None, *self)
-
-    def check(self) -> None:
-        """Refuse a missing bus or bit rate. Raises UsageError: one of them is missing."""
-        if self.interface is None:
-            raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
-        if self.interface != "sim":
-            require_rate(self.interface, self.bitrate, parse_options(self.option))
-
-
 def line_options(function: Decorated) -> Decorated:
     """Add the bus options to a command, as the outermost of its options; it gets them together as ``line``."""
-    return bus_options(packed(BusOptions, "line")(function))
+    return bus_options(packed(partial(GivenBus, None), "line")(function))
+
+
+def require_bus(line: GivenBus) -> None:
+    """Refuse a missing bus or bit rate. Raises UsageError: one of them is missing."""
+    if line.interface is None:
+        raise click.UsageError("give the bus with -i and -c (such as: -i socketcan -c can0)")
+    if line.interface != "sim":
+        require_rate(line.interface, line.bitrate, parse_options(line.option))
 
 
 def require_node(node: int | None) -> int:
@@ -57,13 +46,13 @@ def require_node(node: int | None) -> int:
     return node
 
 
-def without_remote(line: BusOptions) -> bool:
+def without_remote(line: GivenBus) -> bool:
     from axisbus.drives.gim6010.cell import NO_REMOTE
 
     return line.interface in NO_REMOTE
 
 
-def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTraffic | None:
+def look(line: GivenBus, finder: Finder, *, quiet: bool = False) -> BitRateTraffic | None:
     """Run ``finder`` on a bus; if traffic is received only at another bit rate, send nothing and return that traffic.
 
     An adapter with a listen-only mode listens in it first. Blocks some seconds.
@@ -71,23 +60,23 @@ def look(line: BusOptions, finder: Finder, *, quiet: bool = False) -> BitRateTra
     Raises:
         UsageError, AdapterError, ConfigError: the bus cannot be opened.
     """
-    line.check()
+    require_bus(line)
     finder.remote = not without_remote(line)
     from axisbus.bus.link import other_rates
 
     # an adapter that can listen at any bit rate without sending
     if other_rates.possible(line.interface or "", parse_options(line.option)) and not _heard(line):
-        elsewhere = no_traffic_help.listen(opening_of(None, *line), quiet=quiet)
+        elsewhere = no_traffic_help.listen(opening_of(*line), quiet=quiet)
         if elsewhere is not None:
             return elsewhere
     from axisbus.drives.gim6010.bus.run import run
 
     with ExitStack() as stack:
-        run(open_bus(stack, None, *line), finder)
+        run(open_bus(stack, *line), finder)
     return None
 
 
-def _heard(line: BusOptions) -> bool:
+def _heard(line: GivenBus) -> bool:
     """Whether any frame is received at the given bit rate, in listen-only mode."""
     from axisbus.bus.link import adapter
     from axisbus.bus.link.listen import listen
@@ -97,17 +86,13 @@ def _heard(line: BusOptions) -> bool:
         return any(not frame.error for frame in listener.frames(_LISTEN))
 
 
-def survey(line: BusOptions, node: int | None = None) -> tuple[Finder, tuple[DiscoveredModule, ...]]:
+def survey(line: GivenBus, node: int | None = None) -> tuple[Finder, tuple[DiscoveredModule, ...]]:
     """Query all node IDs on a bus, or only one, and return the finder with its results; error words are not requested.
 
     Raises:
         UsageError, AdapterError, ConfigError: as ``look``.
         StateError: the bus runs at another bit rate.
     """
-    from axisbus.drives.gim6010.discovery.finder import EVERY_NODE, Finder, ProbeScope
-    from axisbus.drives.gim6010.discovery.results import findings
-    from axisbus.errors import StateError
-
     finder = Finder(ask=ProbeScope.ALL, only=EVERY_NODE if node is None else (node,), words=False)
     elsewhere = look(line, finder)
     if elsewhere is not None:
@@ -118,7 +103,7 @@ def survey(line: BusOptions, node: int | None = None) -> tuple[Finder, tuple[Dis
     return finder, findings(finder)
 
 
-def run_alone(line: BusOptions, procedure: Interruptible) -> int:
+def run_alone(line: GivenBus, procedure: Interruptible) -> int:
     """Run a procedure that moves a module, as the only program on the bus; return the signal that ended it (0: none). Blocks.
 
     Raises:
@@ -131,16 +116,13 @@ def run_alone(line: BusOptions, procedure: Interruptible) -> int:
         lock = ownership.take(line.interface or "", line.channel)
         if lock is not None:
             stack.enter_context(lock)
-        return run_guarded(open_bus(stack, None, *line), procedure, say)
+        return run_guarded(open_bus(stack, *line), procedure, say)
 
 
 # -- Confirmation before an automatic motion: explain it, and require the user's consent -------------------------------
 
 
-def yes_option(function: Decorated) -> Decorated:
-    return click.option("--yes", is_flag=True, help="Skip the confirmation prompt: all conditions are met.")(
-        function
-    )
+yes_option = click.option("--yes", is_flag=True, help="Skip the confirmation prompt: all conditions are met.")
 
 
 def ask(explanation: Iterable[str], *, yes: bool) -> None:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next, say_note
+from axisbus.cli.shared.options import GivenBus, bus_words
+from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, explanation
 from axisbus.drives.gim6010.cli.bus import (
-    BusOptions,
     ask,
     end_by,
     line_options,
+    require_bus,
     run_alone,
     without_remote,
     yes_option,
@@ -27,9 +28,6 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     read_list,
 )
 
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.calibration import Calibration
-
 _PRE_CALIBRATED = ("axis0.motor.config.pre_calibrated", "axis0.encoder.config.pre_calibrated")
 _FLAGS = " ".join(f"{path}=true" for path in _PRE_CALIBRATED)
 
@@ -39,7 +37,7 @@ _FLAGS = " ".join(f"{path}=true" for path in _PRE_CALIBRATED)
 @line_options
 @click.option("--node", required=True, type=click.IntRange(0, 63), help="The module's node ID.")
 @yes_option
-def command(what: str, line: BusOptions, node: int, yes: bool) -> int:
+def command(what: str, line: GivenBus, node: int, yes: bool) -> int:
     """Calibrate the motor, the encoder, or both: THE OUTPUT MAY TURN DURING THE CALIBRATION.
 
     The command explains the calibration, asks for confirmation, monitors the calibration, and assesses the result. It requires
@@ -47,14 +45,12 @@ def command(what: str, line: BusOptions, node: int, yes: bool) -> int:
     Ctrl-C, SIGTERM, a lost module, an error and too many turns end it by idle, then ESTOP, and the state of the module after that
     is shown. Nothing is saved. Exit code 0 only if the calibration was completed without an error.
     """
-    from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, explanation
-
     kind = CalibrationKind[what.upper()]
-    line.check()
+    require_bus(line)
     ask(explanation(kind, node), yes=yes)
     calibration = Calibration(node, kind, remote=not without_remote(line))
     number = run_alone(line, calibration)  # another program on the bus could also move this module
-    module = f"{line.words} --node {node}"
+    module = f"{bus_words(*line)} --node {node}"
     over_usb = ", ".join(f"odrv0.{path} = True" for path in _PRE_CALIBRATED)
     return _end(
         calibration,
@@ -84,7 +80,6 @@ def modbus_calibrate_command(what: str, target: ModbusTarget, yes: bool) -> int:
     completed without an error.
     """
     from axisbus.drives.gim6010.bus.run import run_guarded
-    from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind, explanation
 
     kind = CalibrationKind[what.upper()]
     listed = read_list(target.listed, target.made_for)  # before any question is asked or port opened

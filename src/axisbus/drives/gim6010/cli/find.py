@@ -9,15 +9,18 @@ import click
 from axisbus.cli.shared import no_traffic_help
 from axisbus.cli.shared.buses import opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next
-from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, look
+from axisbus.cli.shared.options import GivenBus, bus_words
+from axisbus.drives.gim6010 import faults
+from axisbus.drives.gim6010.cli.bus import line_options, look
 from axisbus.drives.gim6010.cli.modbus.registers import tell_errors
+from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
 from axisbus.drives.gim6010.cli.module_selection import modbus_options, on_usb, usb_options
+from axisbus.drives.gim6010.discovery import report_text
+from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, findings
 
 if TYPE_CHECKING:
     from axisbus.bus.link.other_rates import BitRateTraffic
-    from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
-    from axisbus.drives.gim6010.discovery.finder import Finder
-    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
 
 
 @click.command("find")
@@ -29,7 +32,7 @@ if TYPE_CHECKING:
     "that were heard.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the results as JSON.")
-def command(line: BusOptions, ask: str | None, as_json: bool) -> int:
+def command(line: GivenBus, ask: str | None, as_json: bool) -> int:
     """Find the modules on a bus: protocol, node ID, firmware, state, errors, supply voltage, and the next command to type.
 
     It listens for 1.5 s and then sends requests: one at a time, at least 10 ms apart, at most 24 for each module, and none that
@@ -38,9 +41,6 @@ def command(line: BusOptions, ask: str | None, as_json: bool) -> int:
 
     It listens at other bit rates only in an adapter's listen-only mode; if the adapter has none, only the given rate is tried.
     """
-    from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
-    from axisbus.drives.gim6010.discovery.results import findings
-
     asked = {None: None, "none": ProbeScope.NOBODY, "heard": ProbeScope.HEARD, "all": ProbeScope.ALL}[ask]
     finder = Finder(ask=asked)
     elsewhere = look(line, finder, quiet=as_json)
@@ -54,10 +54,8 @@ def command(line: BusOptions, ask: str | None, as_json: bool) -> int:
 
 
 def _show(
-    line: BusOptions, finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
+    line: GivenBus, finder: Finder, found: tuple[DiscoveredModule, ...], elsewhere: BitRateTraffic | None
 ) -> None:
-    from axisbus.drives.gim6010.discovery import report_text
-
     for each in found:
         for text in report_text.lines(each):
             say(text)
@@ -65,11 +63,11 @@ def _show(
         say(text)
     if not found:
         _nobody(line, finder, elsewhere)
-    for step in report_text.following(found, line.words):
+    for step in report_text.following(found, bus_words(*line)):
         say_next(step)
 
 
-def _nobody(line: BusOptions, finder: Finder, elsewhere: BitRateTraffic | None) -> None:
+def _nobody(line: GivenBus, finder: Finder, elsewhere: BitRateTraffic | None) -> None:
     """Print that there is no module, and possible reasons."""
     if elsewhere is None:
         heard = finder.picture.listening.frames
@@ -79,7 +77,7 @@ def _nobody(line: BusOptions, finder: Finder, elsewhere: BitRateTraffic | None) 
             else "nothing was heard: check supply, cable and termination; then the bit rate"
         )
     if elsewhere is not None or not finder.picture.listening.frames:
-        no_traffic_help.show(elsewhere, opening_of(None, *line))
+        no_traffic_help.show(elsewhere, opening_of(*line))
 
 
 def _plain(
@@ -117,7 +115,7 @@ def _plain(
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the errors as JSON.")
 def errors_command(
-    line: BusOptions,
+    line: GivenBus,
     node: int | None,
     serial: ModbusTarget | None,
     usb: str | None,
@@ -130,8 +128,6 @@ def errors_command(
     Modbus RTU (--modbus): its error registers. USB (--usb): its error words. Exit code 1 when there is an error, 3 when no
     module with this node ID is found. It clears nothing.
     """
-    from axisbus.drives.gim6010.discovery import report_text
-
     if given:
         for text in report_text.of_words(report_text.parse(each) for each in given):
             say(text)
@@ -142,7 +138,9 @@ def errors_command(
         raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
     if serial is not None:
         return tell_errors(serial, as_json=as_json)
-    found = _ours(line, node)
+    finder = Finder(ask=ProbeScope.ALL, only=(node,))
+    look(line, finder)
+    found = [each for each in findings(finder) if each.ours]
     if as_json:
         say_json([each.plain for each in found])
     for each in () if as_json else found:
@@ -151,15 +149,13 @@ def errors_command(
     if not found:
         say_error(
             f"no module with node ID {node} was heard, and none answers a request\n"
-            f"  remedy:   list the modules: axisbus gim6010 find {line.words}"
+            f"  remedy:   list the modules: axisbus gim6010 find {bus_words(*line)}"
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK
 
 
 def _errors_over_usb(usb: str, *, as_json: bool) -> int:
-    from axisbus.drives.gim6010 import faults
-
     words = on_usb(usb).error_words()
     if as_json:
         say_json(words)
@@ -168,12 +164,3 @@ def _errors_over_usb(usb: str, *, as_json: bool) -> int:
         for text in told or ["no error"]:
             say(text)
     return WRONG if any(words.values()) else OK
-
-
-def _ours(line: BusOptions, node: int) -> list[DiscoveredModule]:
-    from axisbus.drives.gim6010.discovery.finder import Finder, ProbeScope
-    from axisbus.drives.gim6010.discovery.results import findings
-
-    finder = Finder(ask=ProbeScope.ALL, only=(node,))
-    look(line, finder)
-    return [each for each in findings(finder) if each.ours]

@@ -6,15 +6,16 @@ import functools
 import string
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from axisbus.cli.shared.buses import open_bus
-from axisbus.cli.shared.options import Decorated, packed
-from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, require_node
+from axisbus.cli.shared.options import Decorated, GivenBus, bus_words, packed
+from axisbus.drives.gim6010.cli.bus import line_options, require_bus, require_node
+from axisbus.drives.gim6010.cli.modbus import target_module
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     PARITIES,
     ModbusTarget,
@@ -23,16 +24,14 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     text_of,
 )
 from axisbus.drives.gim6010.modbus.registers import RATES
+from axisbus.drives.gim6010.parameters import backup
+from axisbus.drives.gim6010.parameters.backup import ParameterBackup
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.usb_parameters import UsbParameters, connect
 
 if TYPE_CHECKING:
     from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
-    from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
     from axisbus.drives.gim6010.bus.settings_by_message import ModuleByMessage
-    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
-    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-    from axisbus.drives.gim6010.parameters.backup import ParameterBackup
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
-    from axisbus.drives.gim6010.usb_parameters import UsbParameters
 
 _Client = TypeVar("_Client")
 
@@ -63,7 +62,7 @@ def _target(port: str | None, parity: str | None, given: dict[str, Any]) -> Modb
         if parity is not None:
             raise click.UsageError("--parity needs --modbus")
         return None
-    line: BusOptions = given["line"]
+    line: GivenBus = given["line"]
     if line.interface is not None or line.channel is not None:
         raise click.UsageError("give a CAN bus with -i and -c, or a serial port with --modbus, not both")
     rate = line.bitrate or RATES[-1]
@@ -112,8 +111,8 @@ def _wanted(usb: bool, serial: str | None, given: dict[str, Any]) -> str | None:
         if serial is not None:
             raise click.UsageError("--serial needs --usb")
         return None
-    line: BusOptions = given["line"]
-    others = [typed for typed, value in zip(("-i", "-c", "-b"), line, strict=False) if value is not None]
+    line: GivenBus = given["line"]
+    others = [typed for typed, value in zip(("-i", "-c", "-b"), line[1:], strict=False) if value is not None]
     others += [typed for name, typed in _OTHERS.items() if given.get(name) is not None]
     if others:
         raise click.UsageError(f"--usb needs no {' and no '.join(others)}: the module on the port is meant")
@@ -134,9 +133,7 @@ def on_usb(usb: str) -> UsbParameters:
         UserError: the extra ``usb`` is not installed.
         NodeError: the module is not found, or does not list its parameters.
     """
-    from axisbus.drives.gim6010.usb_parameters import UsbParameters, open_tree
-
-    module = UsbParameters(open_tree(usb or None))
+    module = connect(usb or None)
     module.open()
     return module
 
@@ -148,7 +145,7 @@ def on_usb(usb: str) -> UsbParameters:
 class ModuleSelection:
     """The requested module, over CAN, by its ``serial`` port or by ``usb``, and its list."""
 
-    line: BusOptions
+    line: GivenBus
     node: int | None
     listed: Path | None
     made_for: str | None
@@ -168,7 +165,7 @@ class ModuleSelection:
         listed = "" if self.listed is None else f" --list {self.listed}"
         if self.serial is not None:
             return self.serial.typed("--modbus", "-b") + listed
-        return f"{self.line.words} --node {self.node}{listed}"
+        return f"{bus_words(*self.line)} --node {self.node}{listed}"
 
 
 def module_options(function: Decorated) -> Decorated:
@@ -190,21 +187,28 @@ def opened(asked: ModuleSelection) -> Iterator[ModuleParameters]:
     if asked.usb is not None:
         yield on_usb(asked.usb)
         return
-    listed, made_for = list_of(asked)
-    with _by_endpoints(asked) if asked.serial is None else _over_modbus(asked.serial) as listing:
-        listing.open(listed, made_for)
-        yield listing
+    listed = read_list(asked.listed, asked.made_for)
+    if asked.serial is not None:
+        target = replace(asked.serial, listed=asked.listed, made_for=asked.made_for)
+        with target_module.opened(target) as module:
+            yield target_module.parameters(target, module)
+        return
+    from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
+
+    with _over_can(asked, CanSimpleParameters) as client:
+        client.open(*listed)
+        yield client
 
 
 @contextmanager
 def _over_can(asked: ModuleSelection, make: Callable[[SimpleLine], _Client]) -> Iterator[_Client]:
     """Make a client of the module on its bus, before its connection is opened."""
     node = require_node(asked.node)
-    asked.line.check()
+    require_bus(asked.line)
     from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 
     with ExitStack() as stack:
-        line = SimpleLine(open_bus(stack, None, *asked.line), node)
+        line = SimpleLine(open_bus(stack, *asked.line), node)
         client = make(line)
         stack.enter_context(line)
         yield client
@@ -218,21 +222,6 @@ def by_message(asked: ModuleSelection) -> AbstractContextManager[ModuleByMessage
     return _over_can(asked, ModuleByMessage)
 
 
-def _by_endpoints(asked: ModuleSelection) -> AbstractContextManager[CanSimpleParameters]:
-    from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
-
-    return _over_can(asked, CanSimpleParameters)
-
-
-@contextmanager
-def _over_modbus(serial: ModbusTarget) -> Iterator[ModbusParameters]:
-    from axisbus.drives.gim6010.cli.modbus import target_module
-    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-
-    with target_module.opened(serial) as module:
-        yield ModbusParameters(module)
-
-
 def require_can(asked: ModuleSelection, why: str) -> None:
     """Refuse a connection other than CAN if a command works only over CAN. Raises UsageError: another connection is given."""
     if not asked.over_can:
@@ -243,16 +232,9 @@ def require_can(asked: ModuleSelection, why: str) -> None:
 def require_list(asked: ModuleSelection) -> None:
     """Check the list of endpoints, if one is needed, before anything is opened; raises as ``read_list``."""
     if asked.usb is None:
-        list_of(asked)
-
-
-def list_of(asked: ModuleSelection) -> tuple[EndpointList, Firmware]:
-    """Return the given list of endpoints, and its firmware; raises as ``read_list``."""
-    return read_list(asked.listed, asked.made_for)
+        read_list(asked.listed, asked.made_for)
 
 
 def backup_of(path: Path) -> ParameterBackup:
     """Return the backup in a file. Raises UserError, ArgumentError: the file cannot be read, or is not a backup."""
-    from axisbus.drives.gim6010.parameters import backup
-
     return backup.read(text_of(path).decode("utf-8", "replace"), path.name)

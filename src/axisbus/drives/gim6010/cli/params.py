@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 import click
@@ -197,14 +196,13 @@ def diff_command(asked: ModuleSelection, one: Path, other: Path | None) -> int:
             "give a second file, or a module with -i and -c (or --modbus), --node and --list, or --usb, not both"
         )
     first = backup_of(one)
-    second: Mapping[str, Value] = backup_of(other).values if other is not None else _of_module(asked)
-    found = differences(first.values, second)
+    if other is not None:
+        second = backup_of(other)
+    else:
+        with opened(asked) as module:
+            second = backup.take(module)
+    found = differences(first.values, second.values)
     for each in found:
         say(each.words)
     say(f"{counted(len(found), 'setting differs', 'settings differ')}")
     return WRONG if found else OK
-
-
-def _of_module(asked: ModuleSelection) -> Mapping[str, Value]:
-    with opened(asked) as module:
-        return backup.take(module).values

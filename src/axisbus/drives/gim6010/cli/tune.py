@@ -4,13 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
 from axisbus.cli.shared.options import Seconds
-from axisbus.drives.gim6010.cli.bus import ask, end_by, require_node, run_alone, without_remote, yes_option
+from axisbus.drives.gim6010.cli.bus import (
+    ask,
+    end_by,
+    require_bus,
+    require_node,
+    run_alone,
+    without_remote,
+    yes_option,
+)
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     module_options,
@@ -18,10 +25,18 @@ from axisbus.drives.gim6010.cli.module_selection import (
     require_can,
     require_list,
 )
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.tuning import Gains, GainSearch, ModuleTrial, ModuleTuning
-
+from axisbus.drives.gim6010.parameters import values
+from axisbus.drives.gim6010.tuning import (
+    MOST_TRIALS,
+    Gains,
+    GainSearch,
+    Loop,
+    ModuleTrial,
+    ModuleTuning,
+    explanation,
+    following,
+    worse,
+)
 
 _PATHS = {
     "position": "axis0.controller.config.pos_gain",
@@ -87,11 +102,9 @@ def command(
     shown, and the new ones read back. Ctrl-C, SIGTERM, an error, a lost module, and a rotor that goes too far or too fast end
     it by velocity 0, idle, then ESTOP. Exit code 0 only if both sides were measured, and with --raise-to if a gain was found.
     """
-    from axisbus.drives.gim6010.tuning import Gains, Loop, ModuleTrial, explanation
-
     require_can(asked, "the step is commanded and measured over CAN")
     node = require_node(asked.node)
-    asked.line.check()
+    require_bus(asked.line)
     gains = Gains(pos_gain, vel_gain, vel_integrator_gain)
     trial = ModuleTrial(node, Loop(loop), size, seconds, velocity, acceleration)
     if asked.listed is not None:
@@ -156,8 +169,6 @@ def _tell_gains(
 
 
 def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
-    from axisbus.drives.gim6010.parameters import values
-
     lost = [_PATHS[name] for name, value in gains.given.items() if not values.same(after[name], value)]
     if lost:
         say_error(
@@ -167,8 +178,6 @@ def _were_taken(gains: Gains, after: dict[str, float]) -> bool:
 
 
 def _advise(tuning: ModuleTuning, gains: Gains, now: dict[str, float]) -> None:
-    from axisbus.drives.gim6010.tuning import following, worse
-
     loop, found = tuning.trial.loop, worse(tuning.there, tuning.back)
     assert found is not None
     say_next(following(loop, found, gains.given.get(loop.value, now.get(loop.value))))
@@ -189,8 +198,6 @@ def try_once(asked: ModuleSelection, trial: ModuleTrial, gains: Gains) -> tuple[
     Raises:
         BusError: another program uses the bus, or it cannot be opened.
     """
-    from axisbus.drives.gim6010.tuning import ModuleTuning
-
     tuning = ModuleTuning(trial, gains, remote=not without_remote(asked.line))
     return tuning, run_alone(asked.line, tuning)
 
@@ -215,8 +222,6 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
         UsageError: the initial gain is not given.
         ArgumentError: it is invalid, or above ``most``.
     """
-    from axisbus.drives.gim6010.tuning import GainSearch
-
     first = getattr(gains, trial.loop.value)
     if first is None:
         option = "--pos-gain" if trial.loop.value == "position" else "--vel-gain and --vel-integrator-gain"
@@ -226,8 +231,6 @@ def search_for(trial: ModuleTrial, gains: Gains, most: float) -> GainSearch:
 
 def explained(search: GainSearch) -> Iterator[str]:
     """Yield the explanations of a search that are not part of those of one trial."""
-    from axisbus.drives.gim6010.tuning import MOST_TRIALS
-
     yield (
         f"  this is repeated, at most {MOST_TRIALS} times: {search.name} from {search.first:g} on, 30 % more each "
         f"time, up to {search.most:g}"
@@ -243,8 +246,6 @@ def run_search(
     Raises:
         KeyboardInterrupt, SystemExit: there was a signal; the module has been released before.
     """
-    from axisbus.drives.gim6010.tuning import worse
-
     while search.next is not None:
         if search.trials and not yes and not click.confirm(f"Continue with {search.name} {search.next:.4g}?"):
             say(f"ended by your answer no; {_so_far(search)}")

@@ -22,7 +22,7 @@ from axisbus.cell.other_protocols import objects_refused
 from axisbus.cia301.datatypes import Value
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.incident import EmcyLog
-from axisbus.cia301.nmt import NmtCommand, NmtState
+from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Port
 from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.other_protocols import CorePart, SimulatedGuest
@@ -88,9 +88,9 @@ class ModuleSender:
             frame = self._heard.popleft()
             self.port.receive(frame, frame.time)
         hearing = self.port.hearing
-        if hearing.restarts != self._restarts:
-            self._restarts = hearing.restarts
-            self.node.emcy.incidents.booted(hearing.restarted_at or 0.0)
+        if hearing.bootups != self._restarts:
+            self._restarts = hearing.bootups
+            self.node.emcy.incidents.booted(hearing.bootup_stamp or 0.0)
 
     def write(self, outputs: Outputs) -> None:
         self.port.write(outputs)
@@ -163,58 +163,12 @@ class NoObjects:
         )
 
 
-class ModuleMonitor:
-    """The state of a module by its heartbeats (``bus.node.events.Monitored``); times in s, monotonic."""
-
-    guarded = False
-
-    def __init__(self, port: ModulePort) -> None:
-        self._port = port
-
-    @property
-    def node_id(self) -> int:
-        return self._port.settings.node
-
-    @property
-    def state(self) -> NmtState:
-        """The NMT state that a CANopen node in this situation would report."""
-        return self._port.nmt
-
-    @property
-    def reports(self) -> int:
-        return self._port.hearing.beats
-
-    @property
-    def stamp(self) -> float | None:
-        return None if self._port.hearing.beat is None else self._port.hearing.beat_at
-
-    @property
-    def bootups(self) -> int:
-        return self._port.hearing.restarts
-
-    @property
-    def bootup_stamp(self) -> float | None:
-        return self._port.hearing.restarted_at
-
-    @property
-    def duplicate(self) -> str:
-        """Empty: a second module with this node-ID cannot be detected."""
-        return ""
-
-    @property
-    def deadline(self) -> float:
-        return self._port.hearing.silent_from
-
-    def overdue(self, now: float) -> bool:
-        return self._port.hearing.is_silent(now)
-
-
 class ModuleNode:
     """One module (``core.node_access_parts.NodeParts.node``); holds the log of its faults, as emergency messages."""
 
     def __init__(self, port: ModulePort) -> None:
         self.node_id = port.settings.node
-        self.nmt = ModuleMonitor(port)
+        self.nmt = port.hearing
         self.emcy = EmcyLog()
         self.pdo_events: list[PdoEvent] = []  # it has no PDOs
 

@@ -57,7 +57,6 @@ class SimpleFacts:
     """
 
     voltage: float | None = None  # V
-    current: float | None = None  # A, from the supply
     version: Firmware | None = None
     serial: int | None = None  # its lowest 32 bits
     errors: dict[str, int] = field(default_factory=dict)
@@ -125,7 +124,7 @@ def _voltage(node: int, facts: SimpleFacts, ways: tuple[bool, ...]) -> Asking:
         answer = yield ProbeFrame(frame, (can_id(node, VOLTAGE.command),))
         values = _values(node, answer, facts)
         if values:
-            facts.voltage, facts.current = float(values["Bus_Voltage"]), float(values["Bus_Current"])
+            facts.voltage = float(values["Bus_Voltage"])
             return
     facts.silent.append("supply voltage")
 
@@ -170,10 +169,9 @@ def endpoint(
 
 # -- CANopen ------------------------------------------------------------------------------------------------------------------
 
-_STATUSWORD, _ERROR_CODE, _SUPPLY = (0x6041, 0), (0x603F, 0), (0x6079, 0)
-STATUSWORD, ERROR_CODE, SUPPLY = _STATUSWORD, _ERROR_CODE, _SUPPLY
+STATUSWORD, ERROR_CODE, SUPPLY = (0x6041, 0), (0x603F, 0), (0x6079, 0)
 _WHO = ((o.IDENTITY, o.VENDOR_ID), (o.IDENTITY, o.PRODUCT_CODE), (o.IDENTITY, 3), (o.IDENTITY, 4))
-_HOW = (_STATUSWORD, _ERROR_CODE, *faults.OBJECTS, _SUPPLY)
+_HOW = (STATUSWORD, ERROR_CODE, *faults.OBJECTS, SUPPLY)
 _NAME, _VERSION = (0x1008, 0), (0x100A, 0)
 
 

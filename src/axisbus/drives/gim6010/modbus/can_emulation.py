@@ -24,9 +24,10 @@ There is no thread: ``work`` does one step of a few exchanges on the line, and r
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
+from functools import partial
 from itertools import cycle
 
 from axisbus.drives.gim6010.calibration import CalibrationKind
@@ -39,7 +40,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import (
     Firmware,
 )
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR, ErrorType
-from axisbus.drives.gim6010.can_simple.fields import Number
+from axisbus.drives.gim6010.can_simple.fields import MessageField, Number
 from axisbus.drives.gim6010.can_simple.heartbeat import COMMAND
 from axisbus.drives.gim6010.can_simple.identifier import can_id
 from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, HEARTBEAT_FIELDS, IDLE, Message
@@ -47,7 +48,7 @@ from axisbus.drives.gim6010.can_simple.messages import named as message_named
 from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, named
+from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, REGISTERS, named
 from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Wire
 from axisbus.errors import AxisbusError, DriveError, NodeError, NodeTimeout, UncommandedMotion
 
@@ -58,20 +59,9 @@ Writes = tuple[tuple[str, Number], ...]
 # In this order, each write alone brakes or changes nothing; a torque set-point may be added to the output of the velocity loop.
 BRAKE: Writes = (("velocity_setpoint", 0.0), ("control_mode", 2), ("input_mode", 2), ("torque_setpoint", 0.0))
 _BRAKED = (2, 2)  # velocity control by ramp
-# Each field of a message with its register; feed-forward values have none, and must be 0.
-_VALUES: Mapping[str, tuple[tuple[str, str], ...]] = {
-    "Set_Limits": (("velocity_limit", "Velocity_Limit"), ("current_limit", "Current_Limit")),
-    "Set_Traj_Vel_Limit": (("trajectory_velocity", "Traj_Vel_Limit"),),
-    "Set_Traj_Accel_Limits": (
-        ("trajectory_acceleration", "Traj_Accel_Limit"),
-        ("trajectory_deceleration", "Traj_Decel_Limit"),
-    ),
-    "Set_Input_Pos": (("position_setpoint", "Input_Pos"),),
-    "Set_Input_Vel": (("velocity_setpoint", "Input_Vel"),),
-    "Set_Input_Torque": (("torque_setpoint", "Input_Torque"),),
-}
 _STREAMED = ("Set_Input_Vel", "Set_Input_Torque")  # sent in every cycle of a ramp
-_FED_FORWARD = ("Vel_FF", "Torque_FF")
+_STORED = ("Set_Limits", "Set_Traj_Vel_Limit", "Set_Traj_Accel_Limits", "Set_Input_Pos")
+_FED_FORWARD = ("Vel_FF", "Torque_FF")  # feed-forward has no register, and must be 0
 _ACT_REGISTERS = {"Estop": "emergency_stop", "Clear_Errors": "clear_errors"}
 _CALIBRATIONS = frozenset(kind.value for kind in CalibrationKind)
 
@@ -109,10 +99,20 @@ def order(told: DecodedMessage, *, calibrates: bool = False) -> RegisterCommand 
     if name in _ACT_REGISTERS:
         kind = RegisterCommandKind.STOP if name == "Estop" else RegisterCommandKind.ACT
         return RegisterCommand(kind, ((_ACT_REGISTERS[name], 1),))
-    if name not in _VALUES or any(values.get(each) for each in _FED_FORWARD):
+    if name not in (*_STREAMED, *_STORED) or any(values.get(each) for each in _FED_FORWARD):
         return None
     kind = RegisterCommandKind.SETPOINT if name in _STREAMED else RegisterCommandKind.VALUES
-    return RegisterCommand(kind, tuple((register, values[field]) for register, field in _VALUES[name]))
+    places = _registers(told.message.sent)
+    return RegisterCommand(kind, tuple((register, values[field]) for field, register in places.items()))
+
+
+def _registers(fields: Iterable[MessageField]) -> dict[str, str]:
+    """Return the register of each field of a message: of the same parameter, whose path both tables have."""
+    return {
+        each.name: _BY_PATH[each.path]
+        for each in fields
+        if each.path in _BY_PATH and each.name not in _FED_FORWARD
+    }
 
 
 def _modes(control: int, inputs: int) -> RegisterCommand:
@@ -133,6 +133,7 @@ def _state(state: int, calibrates: bool) -> RegisterCommand | None:
 
 
 COUNT = "axis0.encoder.count_in_cpr"
+_BY_PATH = {each.field.path: each.name for each in REGISTERS if each.field.path}
 _VOLTAGE = message_named("Get_Bus_Voltage_Current")
 _AXIS_FLAG = 1 << next(bit for bit, (_, category) in ERROR_FLAGS.items() if category == "axis")
 _WORDS = {category: name for name, category in ERROR_FLAGS.values()}
@@ -343,9 +344,8 @@ class RelayedModule:
 
     def _power(self, writes: Writes) -> None:
         if self._module.state == IDLE:
-            self._put(
-                self._modes
-            )  # a brake is not read back, and a stop of another program may have changed them
+            # a brake is not read back, and a stop of another program may have changed them
+            self._put(self._modes)
             self._enabling = True
             for name, value in writes:
                 self._module.dialogue.write(requests.write(named(name), value))
@@ -364,7 +364,7 @@ class RelayedModule:
         """Return the function that answers a message, or None if the message has no answer."""
         found = told.message
         if isinstance(told, MessageRequest):
-            return self._answer_voltage if found.name == _VOLTAGE.name else _nothing
+            return partial(self._values, found.name, self._module.read) if found is _VOLTAGE else _nothing
         if found.name == GET_ERROR.name:
             which = int(told.values["Error_Type"])
             return lambda: self._answer_error(which)
@@ -372,9 +372,10 @@ class RelayedModule:
             return lambda: self._answer_endpoint(found, told)
         return None
 
-    def _answer_voltage(self) -> Told:
-        volts, amperes = (float(self._module.read(name)) for name in ("bus_voltage", "bus_current"))
-        return message(self.node, _VOLTAGE.name, {"Bus_Voltage": volts, "Bus_Current": amperes})
+    def _values(self, name: str, read: Callable[[str], Number]) -> Told:
+        """Return a message of the module, with the contents of the registers that its fields report."""
+        places = _registers(message_named(name).answer)
+        return message(self.node, name, {field: read(register) for field, register in places.items()})
 
     def _answer_error(self, which: int) -> Told | None:
         if which not in list(ErrorType):
@@ -418,9 +419,9 @@ class RelayedModule:
         if self._enabling:
             self._enabling = False
             self._require_new_target()
-        yield self._estimates()
+        yield self._values("Get_Encoder_Estimates", self._ask)
         if _TORQUE_CONTROL in self._modes:
-            yield self._current()
+            yield self._values("Get_Iq", self._ask)
 
     def _require_new_target(self) -> None:
         """Check that a module in position control was enabled with its position as set-point.
@@ -437,17 +438,6 @@ class RelayedModule:
                 observed=f"in turns of the rotor, its position is {place:.4f} and its set-point {target:.4f}",
                 remedy="its firmware stores an old set-point, to which it would move: do not use positions over Modbus with it",
             )
-
-    def _current(self) -> Told:
-        values = {"Iq_Setpoint": self._ask("iq_setpoint"), "Iq_Measured": self._ask("iq_feedback")}
-        return message(self.node, "Get_Iq", values)
-
-    def _estimates(self) -> Told:
-        values = {
-            "Pos_Estimate": self._ask("position_feedback"),
-            "Vel_Estimate": self._ask("velocity_feedback"),
-        }
-        return message(self.node, "Get_Encoder_Estimates", values)
 
     def _count(self, listed: EndpointList, made_for: Firmware) -> Told:
         if not self._fits:

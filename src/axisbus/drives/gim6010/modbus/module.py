@@ -70,14 +70,8 @@ class ModbusModule:
     def __init__(self, wire: Wire, device: int) -> None:
         """``device``: its node ID, 1 to 247. Sends nothing. Raises ArgumentError: the node ID is invalid."""
         self.dialogue = ModbusClient(wire, device)
-
-    @property
-    def device(self) -> int:
-        return self.dialogue.device
-
-    @property
-    def wire(self) -> Wire:
-        return self.dialogue.wire
+        self.wire = wire
+        self.device = device
 
     def read(self, name: str, tries: int = TRIES) -> Number:
         """Return a value by its name, in the unit of the table; a float may be NaN or infinite, if the module reports that.
@@ -195,23 +189,6 @@ class ModbusModule:
             if taken:
                 return False
         return True  # no answer each time, yet never silent: it restarts in less than a second
-
-    def reboot(self) -> None:
-        """Restart it; blocks until it answers again. Unsaved values are lost.
-
-        Raises:
-            StateError: it is not idle. NodeTimeout: it does not restart, or not come back. ModbusRefused: an exception.
-        """
-        self.require_idle("it is restarted")
-        self.act("reboot")
-        if not self._goes_silent():
-            raise NodeTimeout(
-                f"module {self.device} got the command to restart, and continues as before",
-                node=self.device,
-                observed=f"it answered for {RESTART_BEGINS:g} s",
-                remedy="switch it off and on",
-            )
-        self.wait_back()
 
     def wait_back(self) -> None:
         """Wait until it answers; blocks for at most about 25 s. Raises NodeTimeout: it does not."""
@@ -353,12 +330,11 @@ def _look(module: ModbusModule) -> Present:
 
 @dataclass(frozen=True, slots=True)
 class StatusRead:
-    """One reading; ``at`` is the time of its first request, in s of the wire's clock. Turns and turns/s are those of the rotor.
+    """One reading. Turns and turns/s are those of the rotor.
 
     ``position`` and ``velocity`` are None if they are not valid: in any state except closed loop, or if they are not numbers.
     """
 
-    at: float
     state: int
     flags: int
     position: float | None = None
@@ -371,9 +347,8 @@ def look(module: ModbusModule, tries: int) -> StatusRead:
     Raises:
         NodeError: no answer, or an exception. AdapterError: the line is gone.
     """
-    at = module.wire.now()
     state, flags = (int(module.read(name, tries)) for name in ("motor_state", "error_flags"))
     if state != CLOSED_LOOP:
-        return StatusRead(at, state, flags)
+        return StatusRead(state, flags)
     place = [float(module.read(name, tries)) for name in ("position_feedback", "velocity_feedback")]
-    return StatusRead(at, state, flags, *(each if math.isfinite(each) else None for each in place))
+    return StatusRead(state, flags, *(each if math.isfinite(each) else None for each in place))

@@ -39,6 +39,7 @@ class ModbusParameters(ParametersByNumber):
         """Prepare; nothing is sent before ``open``."""
         super().__init__()
         self.module = module
+        self.node = module.device
         self.stop_remedy = module.stop_remedy
 
     def open(self, listed: EndpointList, made_for: Firmware) -> None:
@@ -51,10 +52,6 @@ class ModbusParameters(ParametersByNumber):
         self.firmware = Firmware(*(self.fetch(number)[0] for number in VERSION_ENDPOINTS.values()))
         self._fit(listed, made_for)
         self.serial = int.from_bytes(self.fetch(SERIAL_ENDPOINT), "little")
-
-    @property
-    def node(self) -> int:
-        return self.module.device
 
     @property
     def axis_error(self) -> int:

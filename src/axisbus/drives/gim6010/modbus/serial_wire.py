@@ -34,13 +34,12 @@ class SerialWire:
         Raises:
             UserError: the extra ``modbus`` is not installed. AdapterError: the port cannot be opened.
         """
-        serial, client = libraries()
+        serial, make, self._failures = libraries()
         self._gone = (serial.SerialException, OSError)
-        self._failures = client.exceptions
         self.port = port
         self.timeout = timeout
         self._require(serial, port, rate)
-        self._client = client.make(
+        self._client = make(
             port, baudrate=rate, bytesize=8, parity=parity.value, stopbits=1, timeout=timeout, retries=0
         )
         if not self._client.connect():
@@ -94,24 +93,15 @@ class SerialWire:
             raise _unusable(port, str(error)) from error
 
 
-class _Pymodbus:
-    """The parts of pymodbus that are used."""
-
-    def __init__(self) -> None:
-        from pymodbus import exceptions
-        from pymodbus.client import ModbusSerialClient
-
-        self.exceptions: Any = exceptions
-        self.make: Any = ModbusSerialClient
-
-
-def libraries() -> tuple[Any, _Pymodbus]:
-    """Return pyserial, and the parts of pymodbus that are used. Raises UserError: one of them is not installed."""
+def libraries() -> tuple[Any, Any, Any]:
+    """Return pyserial, and the client and the exceptions of pymodbus. Raises UserError: one of them is not installed."""
     logging.getLogger("pymodbus").addHandler(logging.NullHandler())  # errors are raised, not logged
     try:
         import serial
+        from pymodbus import exceptions
+        from pymodbus.client import ModbusSerialClient
 
-        return serial, _Pymodbus()
+        return serial, ModbusSerialClient, exceptions
     except ImportError as error:
         raise UserError(
             "Modbus needs pymodbus and pyserial, and one of them is not installed",

@@ -23,13 +23,15 @@ from axisbus.errors import NodeError, StateError
 
 
 class ModuleParameters(ABC):
-    """A module whose parameters can be read and written, once it is open; holds the values written since the last save.
+    """The module ``node`` (its node ID), whose parameters can be read and written once it is open.
 
-    ``widest``: the maximum number of bytes of a value over this interface. ``firmware`` is the version that the module reported,
-    ``serial`` its serial number, as far as the interface transfers it: the lowest 32 bits over CAN and Modbus. ``remedies`` are
-    those of a value that it does not take, and of values that it has lost; ``stop_remedy`` is that of a module that is not idle.
+    It holds the values written since the last save. ``widest``: the maximum number of bytes of a value over this interface.
+    ``firmware`` is the version that the module reported, ``serial`` its serial number, as far as the interface transfers it: the
+    lowest 32 bits over CAN and Modbus. ``remedies`` are those of a value that it does not take, and of values that it has lost;
+    ``stop_remedy`` is that of a module that is not idle.
     """
 
+    node: int
     widest = rules.NARROW
     remedies = (
         "the module refuses this value, or this parameter over this interface: try it over USB",
@@ -44,11 +46,6 @@ class ModuleParameters(ABC):
         self.written: dict[str, Value] = {}
 
     # What each interface does in its own way.
-
-    @property
-    @abstractmethod
-    def node(self) -> int:
-        """Its node ID."""
 
     @property
     @abstractmethod

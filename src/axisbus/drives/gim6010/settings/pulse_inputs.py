@@ -25,29 +25,24 @@ _PIN = 1
 
 
 class Follows(NamedTuple):
-    """A value that can follow the pulses, by the manual's mode for it."""
+    """A row of the table: a value that can follow the pulses, by the manual's mode for it."""
 
-    control_mode: int
-    input_mode: int
+    name: str
+    control_mode: str
+    input_mode: str
     what: str
     unit: str
     out: str
-    of_output: float  # factor from rotor to output
+    gear: str
     note: str
 
+    @property
+    def of_output(self) -> float:
+        """Factor from rotor to output."""
+        return float(GEAR_RATIO) ** int(self.gear)
 
-FOLLOWS = {
-    row["name"]: Follows(
-        int(row["control_mode"]),
-        int(row["input_mode"]),
-        row["what"],
-        row["unit"],
-        row["out"],
-        float(GEAR_RATIO) ** int(row["gear"]),
-        row["note"],
-    )
-    for row in rows(__package__, "pulse_inputs.tsv")
-}
+
+FOLLOWS = {row["name"]: Follows(**row) for row in rows(__package__, "pulse_inputs.tsv")}
 _LOST = (
     "the manual does not describe a failure of the pulses: have an emergency stop, and try it without a load"
 )

@@ -124,6 +124,12 @@ class ModuleAxis:
         """Power from the supply, in W."""
         return self.mechanical_power + self.current * self.current * _RESISTANCE
 
+    @property
+    def bus_current(self) -> float:
+        """Supply current in A."""
+        voltage = self._dials.bus_voltage
+        return self.electrical_power / voltage if voltage > 0.0 else 0.0
+
     # Time.
 
     def step(self, dt: float) -> None:

@@ -166,8 +166,7 @@ class Firmware(NamedTuple):
 
 OLD_HEARTBEAT = Firmware(0, 5, 11)  # last version with flags in three bytes (manual 4.1.2)
 SYSTEM_FLAG = Firmware(0, 5, 13)  # first version whose heartbeat has the system error flag
-MIT_RANGES = Firmware(
-    0, 6, 0
-)  # first version with the ranges of MIT as parameters, and no effect of the watchdog
+# First version with the ranges of MIT as parameters, and no effect of the watchdog.
+MIT_RANGES = Firmware(0, 6, 0)
 EXTENDED = Firmware(0, 6, 8)  # first version seen with the 29-bit protocol
 FACTORY = Firmware(0, 5, 13)

@@ -12,13 +12,15 @@ invalid in CANopen: the module is then silent.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
+from operator import attrgetter
 from typing import Any
 
 from axisbus.drives.gim6010.sim.axis import ModuleAxis
 from axisbus.drives.gim6010.sim.constants import EXTENDED, FACTORY, AxisState, Firmware, Protocol
 from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
-from axisbus.drives.gim6010.sim.parameters import Endpoints, Parameters, Value, list_of
-from axisbus.drives.gim6010.sim.protocol import CanSimpleServer, Frame, PendingCommands
+from axisbus.drives.gim6010.sim.parameters import Endpoints, Parameters, Value, list_of, rows
+from axisbus.drives.gim6010.sim.protocol import CanSimpleServer, Frame
 from axisbus.drives.gim6010.sim.shaft import Shaft
 from axisbus.eds.model import Eds
 from axisbus.sim.build import device_from_eds, motor_from_eds
@@ -59,9 +61,9 @@ class Module:
         self.motor = make_motor(params or (MotorParams() if eds is None else motor_from_eds(eds)))
         self.shaft = Shaft(self.motor)
         self.axis = ModuleAxis(self.shaft, self.parameters, self.dials, firmware)
-        self.endpoints = Endpoints(self.parameters, list_of(firmware), self._live(), self._acts())
-        wishes = PendingCommands(reboot=self.restart, save=self._save, disable_can=self._disable_can)
-        self._talk = CanSimpleServer(self.axis, self.parameters, self.endpoints, self.dials, firmware, wishes)
+        live = {row.path: partial(attrgetter(row.live), self) for row in rows() if row.live}
+        self.endpoints = Endpoints(self.parameters, list_of(firmware), live, self._acts())
+        self._talk = CanSimpleServer(self.axis, self.parameters, self.endpoints, self.dials, firmware)
         self._beacon = Beacon()
         self._eds = eds
         self._params = params
@@ -95,10 +97,6 @@ class Module:
     def node_id(self) -> int:
         return self.parameters.node_id
 
-    @property
-    def protocol(self) -> int:
-        return self._spoken
-
     # The wire.
 
     def on_frame(self, can_id: int, data: bytes, now: float, *, remote: bool = False) -> None:
@@ -107,7 +105,7 @@ class Module:
             return
         if self._slave is not None:
             self._slave.on_frame(can_id, data, now, remote=remote)
-        elif self._spoken == Protocol.CAN_SIMPLE:
+        elif self.protocol == Protocol.CAN_SIMPLE:
             self._talk.on_frame(can_id, data, remote=remote)
 
     def step(self, now: float) -> None:
@@ -187,7 +185,7 @@ class Module:
         return (offset if used and abs(offset) < 1e9 else 0.0) - branch
 
     def _speak(self, protocol: int) -> None:
-        self._spoken = protocol
+        self.protocol = protocol
         self.device = self._slave = None
         if protocol == Protocol.CANOPEN and self._eds is not None and self.node_id > 0:
             self.device = self._as_canopen(self._eds)
@@ -203,7 +201,7 @@ class Module:
     # Time.
 
     def _step(self, dt: float, now: float) -> None:
-        if self.dials.protocol_at_once and self._spoken != self.parameters[_PROTOCOL]:
+        if self.dials.protocol_at_once and self.protocol != self.parameters[_PROTOCOL]:
             self.axis.restart()
             self._speak(int(self.parameters[_PROTOCOL]))
         if self._silent_for > 0.0:
@@ -217,9 +215,9 @@ class Module:
             self._slave.step(now)
             return
         self.axis.step(dt)
-        if self._spoken == Protocol.CAN_SIMPLE:
+        if self.protocol == Protocol.CAN_SIMPLE:
             self._talk.step(now)
-        elif self._spoken == Protocol.EXTENDED:
+        elif self.protocol == Protocol.EXTENDED:
             self._beacon.step(now, self.node_id)
 
     @property
@@ -239,11 +237,6 @@ class Module:
         if not self.energised:
             self.parameters.save()
             self.restart()
-
-    def _disable_can(self) -> None:
-        if not self.energised:
-            self.parameters["config.enable_can_a"] = 0
-            self._save()
 
     def _erase(self) -> None:
         self.parameters.erase()
@@ -278,31 +271,6 @@ class Module:
             "erase_configuration": lambda _: self._erase(),
             "reboot": lambda _: self.restart(),
             "clear_errors": lambda _: axis.clear(),
-        }
-
-    def _live(self) -> dict[str, Callable[[], Value]]:
-        axis, shaft, dials = self.axis, self.shaft, self.dials
-        return {
-            "error": lambda: int(axis.system_error),
-            "vbus_voltage": lambda: dials.bus_voltage,
-            "ibus": lambda: self._talk.bus_current,
-            "fw_version_major": lambda: self.firmware.major,
-            "fw_version_minor": lambda: self.firmware.minor,
-            "fw_version_revision": lambda: self.firmware.revision,
-            "axis0.error": lambda: int(axis.error),
-            "axis0.current_state": lambda: axis.state,
-            "axis0.motor.error": lambda: int(axis.motor_error),
-            "axis0.motor.fet_thermistor.temperature": lambda: dials.temperature,
-            "axis0.controller.error": lambda: int(axis.controller_error),
-            "axis0.controller.trajectory_done": lambda: axis.controller.trajectory_done,
-            "axis0.controller.input_pos": lambda: axis.controller.input_pos,
-            "axis0.controller.input_vel": lambda: axis.controller.input_vel,
-            "axis0.controller.input_torque": lambda: axis.controller.input_torque,
-            "axis0.encoder.error": lambda: int(axis.encoder_error),
-            "axis0.encoder.shadow_count": lambda: shaft.shadow_count,
-            "axis0.encoder.count_in_cpr": lambda: shaft.count_in_turn,
-            "axis0.encoder.pos_estimate": lambda: shaft.estimate,
-            "axis0.encoder.vel_estimate": lambda: shaft.velocity,
         }
 
 

@@ -46,6 +46,7 @@ class Row(NamedTuple):
     kind: str
     access: str
     factory: Value
+    live: str = ""  # attribute of the module, for a measured value
 
     @property
     def is_function(self) -> bool:
@@ -60,9 +61,9 @@ def rows() -> tuple[Row, ...]:
 
 
 def _row(line: str) -> Row:
-    path, number, kind, access, factory = line.split("\t")
+    path, number, kind, access, factory, *live = line.split("\t")
     value: Value = float(factory) if kind == "float" else int(factory)
-    return Row(path, int(number.rstrip("!")), kind, access, value)
+    return Row(path, int(number.rstrip("!")), kind, access, value, *live)
 
 
 def list_of(firmware: Firmware) -> str:

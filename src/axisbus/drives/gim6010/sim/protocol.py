@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
@@ -64,15 +63,6 @@ _PERIODIC: tuple[tuple[str, Command, ErrorType | None], ...] = (
 )
 
 
-@dataclass(frozen=True)
-class PendingCommands:
-    """Actions of commands on the module as a whole."""
-
-    reboot: Callable[[], None]
-    save: Callable[[], None]
-    disable_can: Callable[[], None]
-
-
 class CanSimpleServer:
     """Frames to be sent, the life counter, and the due time of each periodic message."""
 
@@ -83,7 +73,6 @@ class CanSimpleServer:
         endpoints: Endpoints,
         dials: ModuleDials,
         firmware: Firmware,
-        wishes: PendingCommands,
     ) -> None:
         self._axis = axis
         self._parameters = parameters
@@ -97,7 +86,7 @@ class CanSimpleServer:
             Command.GET_ENCODER_ESTIMATES: self._estimates,
             Command.GET_ENCODER_COUNT: self._count,
             Command.GET_IQ: lambda: _floats(axis.current_setpoint, axis.current),
-            Command.GET_BUS_VOLTAGE_CURRENT: lambda: _floats(dials.bus_voltage, self.bus_current),
+            Command.GET_BUS_VOLTAGE_CURRENT: lambda: _floats(dials.bus_voltage, axis.bus_current),
             Command.GET_TORQUES: self._torques,
             Command.GET_POWERS: lambda: _floats(axis.electrical_power, axis.mechanical_power),
         }
@@ -114,20 +103,17 @@ class CanSimpleServer:
             Command.SET_INPUT_POS: (8, self._input_pos),
             Command.SET_INPUT_VEL: (8, self._input_vel),
             Command.SET_INPUT_TORQUE: (4, lambda data: self._take(torque=struct.unpack_from("<f", data)[0])),
-            Command.REBOOT: (0, lambda _: wishes.reboot()),
+            Command.REBOOT: (0, lambda _: endpoints.write("reboot")),
             Command.CLEAR_ERRORS: (0, lambda _: axis.clear()),
-            Command.SET_LINEAR_COUNT: (4, lambda data: axis.shaft.set_linear_count(_i32(data))),
-            Command.DISABLE_CAN: (0, lambda _: wishes.disable_can()),
-            Command.SAVE_CONFIGURATION: (0, lambda _: wishes.save()),
+            Command.SET_LINEAR_COUNT: (
+                4,
+                lambda data: axis.shaft.set_linear_count(*struct.unpack_from("<i", data)),
+            ),
+            Command.DISABLE_CAN: (0, self._disable_can),
+            Command.SAVE_CONFIGURATION: (0, lambda _: endpoints.write("save_configuration")),
         }
         for command, row in _SETTINGS.items():
             self._commands[command] = (struct.calcsize(row[0]), partial(self._set, *row))
-
-    @property
-    def bus_current(self) -> float:
-        """Supply current in A."""
-        voltage = self._dials.bus_voltage
-        return self._axis.electrical_power / voltage if voltage > 0.0 else 0.0
 
     def restart(self) -> None:
         """Power up: no frame is pending, and all periods restart."""
@@ -234,6 +220,11 @@ class CanSimpleServer:
         if node_id <= MOST_NODE_ID:
             self._parameters[_CAN + "node_id"] = node_id
 
+    def _disable_can(self, _: bytes) -> None:
+        if not self._axis.energised:
+            self._parameters["config.enable_can_a"] = 0
+            self._endpoints.write("save_configuration")
+
     def _enter(self, control: int, inputs: int) -> None:
         self._parameters[_CONTROLLER + "control_mode"] = control
         self._parameters[_CONTROLLER + "input_mode"] = inputs
@@ -293,10 +284,6 @@ class CanSimpleServer:
 
 def _u32(data: bytes) -> int:
     return int.from_bytes(data[:4], "little")
-
-
-def _i32(data: bytes) -> int:
-    return int.from_bytes(data[:4], "little", signed=True)
 
 
 def _floats(*values: float) -> bytes:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import math
 
 from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.nmt import NmtState
 from axisbus.drives.gim6010.can_simple import codec, heartbeat
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, Unexpected
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR
@@ -38,23 +39,29 @@ _NEWS = 64  # events that are stored until a caller reads them
 
 
 class ModuleFeedback:
-    """The newest value of each kind with its time (s), and ``news``: events to report to the user, oldest first."""
+    """The newest value of each kind with its time (s), and ``news``: events to report to the user, oldest first; the last 64.
+
+    It is a ``bus.node.events.Monitored`` too: a restart counts as a boot-up. A second module with this node ID is not detected.
+    """
+
+    guarded = False
+    duplicate = ""
 
     def __init__(self, settings: ModuleSettings) -> None:
         self._settings = settings
-        self._node = settings.node
+        self.node_id = settings.node
         self._beats = Heartbeats()
         self.beat_at = -math.inf
         self.place = RotorPosition(settings.velocity_limit)
         self.trouble = ModuleErrors(settings.node, settings.fresh if settings.relayed else WAIT)
         self.current: tuple[float, float] | None = None  # torque-producing current in A, and its time
-        self.restarts = 0
-        self.restarted_at: float | None = None
+        self.bootups = 0  # since listening began
+        self.bootup_stamp: float | None = None
         self.trusts_estimates = True  # no request for idle since the last request for closed loop
         self.news: list[tuple[float, str]] = []
         names = ("Get_Encoder_Estimates", "Get_Encoder_Count", "Get_Iq")
         self._estimates, self._counts, self._iq = self._questions = [
-            PolledMessage(self._node, each, remote=settings.remote) for each in names
+            PolledMessage(self.node_id, each, remote=settings.remote) for each in names
         ]
         self._told_silent: set[str] = set()
 
@@ -65,8 +72,26 @@ class ModuleFeedback:
         return self._beats.last
 
     @property
-    def beats(self) -> int:
+    def reports(self) -> int:
+        """Number of heartbeats."""
         return self._beats.heard
+
+    @property
+    def stamp(self) -> float | None:
+        """Time of the newest heartbeat."""
+        return None if self.beat is None else self.beat_at
+
+    @property
+    def is_new(self) -> bool:
+        """Whether positions have a new zero: the module has restarted, or its position is not continuous with the earlier one."""
+        return self.bootups > 0 or self.place.lost
+
+    @property
+    def state(self) -> NmtState:
+        """NMT state that a CANopen node would report by heartbeat; a restarted module is pre-operational until it is configured."""
+        if self.beat is None:
+            return NmtState.UNKNOWN
+        return NmtState.PRE_OPERATIONAL if self.is_new else NmtState.OPERATIONAL
 
     @property
     def faulty(self) -> bool:
@@ -84,17 +109,13 @@ class ModuleFeedback:
         return self._beats.missed
 
     @property
-    def restarted(self) -> bool:
-        """Whether the module has restarted since listening began."""
-        return self.restarts > 0
-
-    @property
-    def silent_from(self) -> float:
+    def deadline(self) -> float:
         """Time from which the module counts as silent if no further heartbeat arrives."""
         return self.beat_at + _LOST * self._settings.heartbeat + 1e-9
 
-    def is_silent(self, now: float) -> bool:
-        return now > self.silent_from
+    def overdue(self, now: float) -> bool:
+        """Whether the module counts as silent."""
+        return now > self.deadline
 
     def let_go(self) -> None:
         """Note that idle is being requested: from now on, estimates of the position are ignored."""
@@ -112,12 +133,13 @@ class ModuleFeedback:
         if frame.remote or frame.error or frame.extended or not 0 <= frame.can_id < 0x800:
             return
         node, command = split(frame.can_id)
-        if node != self._node:
+        if node != self.node_id:
             return
         if command == heartbeat.COMMAND:
             self._take_beat(frame.data, at)
         elif command == GET_ERROR.command:
-            self._take_error(frame.data)
+            if self.faulty:
+                self.trouble.take(frame.data)
         else:
             found = codec.decode(frame.can_id, frame.data, from_module=True)
             if isinstance(found, DecodedMessage):
@@ -125,7 +147,7 @@ class ModuleFeedback:
 
     def _take_beat(self, data: bytes, at: float) -> None:
         before = self._beats
-        after = before.after(self._node, data)
+        after = before.after(self.node_id, data)
         if isinstance(after, Unexpected):
             self.tell(at, after.words)
             return
@@ -155,8 +177,8 @@ class ModuleFeedback:
             self.tell(at, f"{counted(self._beats.gap, 'heartbeat')} were missed, by its life counter")
 
     def _restart(self, at: float) -> None:
-        self.restarts += 1
-        self.restarted_at = at
+        self.bootups += 1
+        self.bootup_stamp = at
 
     def _goes_on(self, before: int | None, now: int | None, silence: float) -> bool:
         if before is None or now is None or self._settings.relayed:  # the relay counts, not the module
@@ -178,10 +200,6 @@ class ModuleFeedback:
         else:
             self.trouble.note(beat.axis_error)
 
-    def _take_error(self, data: bytes) -> None:
-        if self.faulty:
-            self.trouble.take(data)
-
     def _take_reading(self, found: DecodedMessage, at: float) -> None:
         values = [float(each) for each in found.values.values()]
         if found.message.name == self._estimates.name:
@@ -198,12 +216,15 @@ class ModuleFeedback:
 
     def ask(self, now: float) -> list[Outgoing]:
         """Return the requests that are due; none while the module is silent, since its answers could not be received then."""
-        if self.is_silent(now):
+        if self.overdue(now):
             return []
-        fault = self.trouble.ask(now) if self.faulty else None
-        due = [fault]
+        period = self._settings.period
+        due = [self.trouble.ask(now) if self.faulty else None]
         if not self._settings.relayed:  # a relay sends all of these unasked
-            due = [self._ask_estimates(now), self._ask_counts(now), self._ask_current(now), fault]
+            counts = self._counts.ask(now, SELDOM if self.place.joined else max(_COUNTS, period))
+            has_torque = self._settings.torque is not None
+            current = self._iq.ask(now, max(CURRENT_EVERY, period)) if has_torque else None
+            due = [self._ask_estimates(now), counts, current, *due]
         self._look_for_silent(now)
         return [each for each in due if each is not None]
 
@@ -211,23 +232,9 @@ class ModuleFeedback:
         """Request the estimates if they count and the module does not send them unasked."""
         if not (self.closed and self.trusts_estimates):
             return None
-        late = self._estimates.answered_at is None or now - self._estimates.answered_at > self._allowed
+        allowed = max(_LATE * self._settings.period, 0.015)
+        late = self._estimates.answered_at is None or now - self._estimates.answered_at > allowed
         return self._estimates.ask(now, self._settings.period) if late else None
-
-    def _ask_counts(self, now: float) -> Outgoing | None:
-        often = max(_COUNTS, self._settings.period)
-        return self._counts.ask(now, SELDOM if self.place.joined else often)
-
-    @property
-    def _allowed(self) -> float:
-        return max(_LATE * self._settings.period, 0.015)
-
-    def _ask_current(self, now: float) -> Outgoing | None:
-        return (
-            None
-            if self._settings.torque is None
-            else self._iq.ask(now, max(CURRENT_EVERY, self._settings.period))
-        )
 
     def _look_for_silent(self, now: float) -> None:
         """Report once each message that this firmware does not answer."""

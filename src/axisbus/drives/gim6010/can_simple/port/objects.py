@@ -56,11 +56,6 @@ class ModuleObjects:
         self._orders = orders
 
     @property
-    def indices(self) -> frozenset[int]:
-        addresses = [*self._constants, *self._live, *self._orders]
-        return frozenset({index for index, _ in addresses} | set(self._profile.values))
-
-    @property
     def addresses(self) -> frozenset[Address]:
         """All entries, by index and sub-index."""
         return frozenset({*self._constants, *self._live, *self._orders}) | {
@@ -103,7 +98,8 @@ class ModuleObjects:
         return None
 
     def _missing(self, index: int) -> int:
-        return abort.SUBINDEX_MISSING if index in self.indices else abort.OBJECT_MISSING
+        indices = {each for each, _ in self.addresses}
+        return abort.SUBINDEX_MISSING if index in indices else abort.OBJECT_MISSING
 
 
 def error_objects(words: error_words.ModuleErrors) -> dict[Address, Read]:

@@ -10,7 +10,7 @@ bus: the time is the one given to ``read``.
   ``ModulePowerAction.START``. No position is sent before a heartbeat has reported closed loop.
 - After each frame, the module holds or completes its last command if no further frame follows. This is the state in which a master
   that dies leaves it. A program that notices this sends ``stop_frames``.
-- Problems are reported in ``news``: a message that the firmware does not answer, missing heartbeats, a restart.
+- Problems are reported in ``hearing.news``: a message that the firmware does not answer, missing heartbeats, a restart.
 """
 
 from __future__ import annotations
@@ -20,7 +20,6 @@ from collections.abc import Callable
 from axisbus.cia301 import abort
 from axisbus.cia301.emcy import Emcy
 from axisbus.cia301.frame import CanFrame
-from axisbus.cia301.nmt import NmtState
 from axisbus.cia402 import objects as o
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Sample, SdoReply, SdoRequest, ValueTransport
 from axisbus.drives.gim6010.can_simple.codec import Outgoing
@@ -40,8 +39,8 @@ class ModulePort:
 
     def __init__(self, settings: ModuleSettings) -> None:
         self.settings = settings
-        self.hearing = self._hearing = ModuleFeedback(settings)
-        self._drive = ModuleDrive(settings, self._hearing)
+        self.hearing = ModuleFeedback(settings)
+        self._drive = ModuleDrive(settings, self.hearing)
         self._asked: list[Outgoing] = []
         self._waiting: list[tuple[SdoRequest, float]] = []
         self._emcy: list[Emcy] = []
@@ -60,7 +59,7 @@ class ModulePort:
 
     def receive(self, frame: CanFrame, time: float) -> None:
         """Take a frame of any node on the bus, received at ``time`` (s, the clock of ``read``)."""
-        self._hearing.take(frame, time)
+        self.hearing.take(frame, time)
 
     def take_frames(self) -> list[Outgoing]:
         """Return the frames to be sent now, in this order, and clear them: commands first, then requests for values."""
@@ -89,37 +88,20 @@ class ModulePort:
         """
         return self._drive.stop_frames()
 
-    @property
-    def news(self) -> list[tuple[float, str]]:
-        """Events of this module for the user, with their times (s), oldest first; the last 64."""
-        return self._hearing.news
-
-    @property
-    def nmt(self) -> NmtState:
-        """NMT state that a CANopen node would report by heartbeat; a restarted module is pre-operational until it is configured."""
-        if self._hearing.beat is None:
-            return NmtState.UNKNOWN
-        return NmtState.PRE_OPERATIONAL if self._is_new else NmtState.OPERATIONAL
-
-    @property
-    def missed(self) -> int:
-        """Number of heartbeats that were sent but not received, according to the life counter."""
-        return self._hearing.missed
-
     # -- the drive -----------------------------------------------------------------------------------------------------------------
 
     def read(self, now: float) -> Inputs:
         """Return the state of the drive as known at ``now`` (s), and queue the requests for values that are due."""
-        self._now, hearing, drive = now, self._hearing, self._drive
+        self._now, hearing, drive = now, self.hearing, self._drive
         drive.look(now)
         self._note_fault(now)
         self._asked += hearing.ask(now)
-        silent = hearing.is_silent(now)
+        silent = hearing.overdue(now)
         emcy, self._emcy = tuple(self._emcy), []
         known = hearing.beat is not None
         return Inputs(
             now,
-            known and not silent and not self._is_new,
+            known and not silent and not hearing.is_new,
             Sample(drive.statusword, hearing.beat_at) if known else None,
             Sample(drive.shown_mode, hearing.beat_at) if known else None,
             self._position,
@@ -128,7 +110,7 @@ class ModulePort:
             None,
             emcy,
             self._answers(now),
-            self.nmt,
+            hearing.state,
             overdue=silent,
         )
 
@@ -148,31 +130,26 @@ class ModulePort:
     # -- reported values -----------------------------------------------------------------------------------------------------------
 
     @property
-    def _is_new(self) -> bool:
-        """Whether positions have a new zero: the module has restarted, or its position is not continuous with the earlier one."""
-        return self._hearing.restarted or self._hearing.place.lost
-
-    @property
     def _position(self) -> Sample | None:
-        place = self._hearing.place
+        place = self.hearing.place
         return None if place.shown is None else Sample(place.shown, place.stamp)
 
     @property
     def _velocity(self) -> Sample | None:
-        place = self._hearing.place
+        place = self.hearing.place
         stamp = place.velocity_stamp
         return None if stamp is None else Sample(round(place.velocity * TURN), stamp)
 
     @property
     def _torque(self) -> Sample | None:
-        if self.settings.torque is None or self._hearing.current is None:
+        if self.settings.torque is None or self.hearing.current is None:
             return None
-        current, at = self._hearing.current
+        current, at = self.hearing.current
         return Sample(self._drive.profile.permille(current), at)
 
     def _note_fault(self, now: float) -> None:
         """Report a changed error code as an emergency message does (CiA 301 7.2.7)."""
-        words = self._hearing.trouble
+        words = self.hearing.trouble
         if words.code == self._told_code:
             return
         self._told_code = words.code
@@ -189,7 +166,7 @@ class ModulePort:
 
     def _can_tell(self, request: SdoRequest, asked: float, now: float) -> bool:
         of_fault = (request.index, request.subindex) in error_words.ADDRESSES or request.index == o.ERROR_CODE
-        return not of_fault or self._hearing.trouble.told or now - asked >= _WHOLE_FAULT
+        return not of_fault or self.hearing.trouble.told or now - asked >= _WHOLE_FAULT
 
     def _answer(self, request: SdoRequest) -> SdoReply:
         """Read or write an object; if the module is silent, the reply is a time-out, but commands are sent nevertheless."""
@@ -198,7 +175,7 @@ class ModulePort:
             value, code = self.objects.read(request.index, request.subindex)
         else:
             code = self.objects.write(request.index, request.subindex, request.value)
-        if self._hearing.is_silent(self._now):
+        if self.hearing.overdue(self._now):
             return SdoReply(request.id, None, abort.TIMED_OUT)
         return SdoReply(request.id, value, code)
 
@@ -218,7 +195,7 @@ class ModulePort:
         # by line, the mode decides, and not the objects
         if self.settings.torque is not None or self.settings.relayed:
             found[o.TARGET_TORQUE] = lambda: drive.targets.torque
-        return {(index, 0): read for index, read in found.items()} | error_objects(self._hearing.trouble)
+        return {(index, 0): read for index, read in found.items()} | error_objects(self.hearing.trouble)
 
 
 def _value(sample: Callable[[], Sample | None]) -> Read:

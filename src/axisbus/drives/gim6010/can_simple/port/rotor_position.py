@@ -20,9 +20,8 @@ from __future__ import annotations
 from axisbus.drives.gim6010.make import COUNTS_PER_ROTOR_TURN as TURN
 from axisbus.units import wrap
 
-_SAME = (
-    TURN // 20
-)  # counts by which estimate and count may differ: owners saw steps of 0.14 turns after restarts
+# Counts by which estimate and count may differ: owners saw steps of 0.14 turns after restarts.
+_SAME = TURN // 20
 _NOISE = TURN // 10
 _RESTING = 0.05  # turns/s
 _TOGETHER = 0.02  # s at most between an estimate and a count for comparing them

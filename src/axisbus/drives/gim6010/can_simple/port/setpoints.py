@@ -155,7 +155,8 @@ class ModuleSetPoints:
         module's own ramp.
         """
         here, velocity = self._place.turns, self.velocity
-        if here is None or velocity is None or not self._has_positions:
+        has_positions = not self._settings.relayed or BY_LINE[self._settings.line_mode] == TRAPEZOID
+        if here is None or velocity is None or not has_positions:
             self.turn(0.0)
             return
         if abs(velocity) <= MOVES and (self.goal is None or abs(self.goal - here) <= _NEAR):
@@ -170,10 +171,6 @@ class ModuleSetPoints:
         ):
             return  # it already brakes, to a position before that one
         self.go(end, 1.1 * speed, down, down)
-
-    @property
-    def _has_positions(self) -> bool:
-        return not self._settings.relayed or BY_LINE[self._settings.line_mode] == TRAPEZOID
 
     def _way_to_rest(self, here: float, velocity: float, down: float) -> tuple[float, float]:
         """Return the signed braking distance and the initial speed, which may have increased since the last measurement."""

@@ -147,7 +147,7 @@ class ModuleRescue:
         if self.rung is RescueStep.ESTOP:
             heard = (
                 "sends heartbeats, but its standstill was not observed"
-                if not self._hearing.is_silent(now)
+                if not self._hearing.overdue(now)
                 else "is not heard"
             )
             self._end(False, f"NOT CONFIRMED as stopped: its module {heard} after velocity 0, idle and ESTOP")

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 import sys
 from dataclasses import replace
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_json, say_next
+from axisbus.drives.gim6010.can_simple.fields import Number
 from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, state_words
 from axisbus.drives.gim6010.cli.modbus.target_module import (
     ModbusTarget,
@@ -22,7 +22,15 @@ from axisbus.drives.gim6010.cli.modbus.target_module import (
     target_options,
 )
 from axisbus.drives.gim6010.cli.settings.common import pair, set_zero
-from axisbus.drives.gim6010.modbus.module import ModbusModule, look, require_setting, set_node_id
+from axisbus.drives.gim6010.modbus.module import (
+    ModbusModule,
+    Present,
+    look,
+    present,
+    require_setting,
+    set_node_id,
+)
+from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.modbus.registers import (
     ALIVE_IN_CLOSED_LOOP,
     BY_NAME,
@@ -35,10 +43,6 @@ from axisbus.drives.gim6010.modbus.registers import (
 from axisbus.drives.gim6010.modbus.requests import write
 from axisbus.drives.gim6010.parameters import values
 from axisbus.wording import counted
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.can_simple.fields import Number
-    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 
 # -- Parse and format values of registers and parameters ---------------------------------------------------------------
 
@@ -346,8 +350,6 @@ def find_command(port: str, rates: str, parity: str, highest: int) -> int:
 
 def _at(line: ModbusTarget, highest: int) -> list[bool]:
     """Query all node IDs at one rate; return for each module whether it has no error."""
-    from axisbus.drives.gim6010.modbus.module import Present, present
-
     good = []
     with line.wire(_TIMEOUT) as wire:
         for found in present(wire, range(1, highest + 1)):

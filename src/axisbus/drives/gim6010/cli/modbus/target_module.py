@@ -2,28 +2,27 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, closing, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import say_note
-from axisbus.cli.shared.options import PATH, Decorated
+from axisbus.cli.shared.options import PATH, Decorated, packed
+from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
+from axisbus.drives.gim6010.modbus.can_emulation import Listed
+from axisbus.drives.gim6010.modbus.module import ModbusModule
+from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, RATES
+from axisbus.drives.gim6010.modbus.serial_wire import TIMEOUT, Parity, SerialWire
 from axisbus.errors import UserError
 
 if TYPE_CHECKING:
     from axisbus.bus.link.channel import Channel
     from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess
-    from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware
-    from axisbus.drives.gim6010.modbus.can_emulation import Listed
-    from axisbus.drives.gim6010.modbus.module import ModbusModule
-    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-    from axisbus.drives.gim6010.modbus.serial_wire import SerialWire
 
 PARITIES = ("none", "even", "odd")
 _WATCHDOG_NOTE = (
@@ -54,21 +53,14 @@ class ModbusTarget:
         parity = "" if self.parity == PARITIES[0] else f" --parity {self.parity}"
         return f"{port} {self.port} --node {self.node}{at}{parity}"
 
-    @contextmanager
-    def wire(self, timeout: float | None = None) -> Iterator[SerialWire]:
-        """Open the port; ``timeout`` in s for an answer, None: the usual one. Sends nothing.
+    def wire(self, timeout: float = TIMEOUT) -> AbstractContextManager[SerialWire]:
+        """Open the port; ``timeout`` in s for an answer. Sends nothing.
 
         Raises:
             UserError: the extra is not installed. AdapterError: the port cannot be opened.
         """
-        from axisbus.drives.gim6010.modbus.serial_wire import TIMEOUT, Parity, SerialWire
-
         parity = Parity[self.parity.upper()]
-        wire = SerialWire(self.port, rate=self.rate, parity=parity, timeout=timeout or TIMEOUT)
-        try:
-            yield wire
-        finally:
-            wire.close()
+        return closing(SerialWire(self.port, rate=self.rate, parity=parity, timeout=timeout))
 
 
 port_option = click.option(
@@ -86,9 +78,8 @@ parity_option = click.option(
 def target_options(function: Decorated) -> Decorated:
     """Add --port, --node, --rate and --parity; the command gets them together as ``target``."""
 
-    @functools.wraps(function)
-    def packed(port: str, node: int, rate: str, parity: str, **rest: Any) -> Any:
-        return function(target=ModbusTarget(port, node, int(rate), parity), **rest)
+    def target(port: str, node: int, rate: str, parity: str) -> ModbusTarget:
+        return ModbusTarget(port, node, int(rate), parity)
 
     rate_option = click.option(
         "--rate",
@@ -100,7 +91,7 @@ def target_options(function: Decorated) -> Decorated:
     node_option = click.option(
         "--node", type=click.IntRange(1, HIGHEST_DEVICE), required=True, help="The module's node ID."
     )
-    return port_option(node_option(rate_option(parity_option(packed))))
+    return port_option(node_option(rate_option(parity_option(packed(target, "target")(function)))))
 
 
 def endpoint_options(function: Decorated) -> Decorated:
@@ -117,18 +108,15 @@ def endpoint_options(function: Decorated) -> Decorated:
 def list_options(function: Decorated) -> Decorated:
     """Add --list and --made-for to a command with ``target_options``, as part of its ``target``."""
 
-    @functools.wraps(function)
-    def packed(target: ModbusTarget, listed: Path | None, made_for: str | None, **rest: Any) -> Any:
-        return function(target=replace(target, listed=listed, made_for=made_for), **rest)
+    def with_list(target: ModbusTarget, listed: Path | None, made_for: str | None) -> ModbusTarget:
+        return replace(target, listed=listed, made_for=made_for)
 
-    return target_options(endpoint_options(packed))
+    return target_options(endpoint_options(packed(with_list, "target")(function)))
 
 
 @contextmanager
 def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
     """Open the port for the module; sends nothing; raises as ``ModbusTarget.wire``."""
-    from axisbus.drives.gim6010.modbus.module import ModbusModule
-
     with target.wire() as wire:
         yield ModbusModule(wire, target.node)
 
@@ -165,8 +153,6 @@ def parameters(target: ModbusTarget, module: ModbusModule) -> ModbusParameters:
         UserError, ArgumentError: the list does not fit.
         NodeError: the module does not answer.
     """
-    from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
-
     found = ModbusParameters(module)
     found.open(*read_list(target.listed, target.made_for))
     return found
@@ -182,8 +168,6 @@ def read_list(path: Path | None, made_for: str | None) -> tuple[EndpointList, Fi
         UsageError: the list or its firmware is not given.
         UserError, ArgumentError: the file cannot be read, or is not a list.
     """
-    from axisbus.drives.gim6010.can_simple.endpoints import with_version
-
     if path is None:
         raise click.UsageError("give the firmware's list of endpoints with --list (available from the maker)")
     return with_version(text_of(path), path.name, made_for)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import click
 
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import Decorated, Seconds
+from axisbus.drives.gim6010.cli.modbus.registers import written
+from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget, opened
 from axisbus.drives.gim6010.cli.module_selection import ModuleSelection, by_message, module_options
 from axisbus.drives.gim6010.cli.settings.common import (
     Act,
@@ -21,15 +23,11 @@ from axisbus.drives.gim6010.cli.settings.common import (
     with_module,
 )
 from axisbus.drives.gim6010.make import GEAR_RATIO
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 from axisbus.drives.gim6010.settings import parameter_settings as settings
 from axisbus.drives.gim6010.settings import watchdog, zero
+from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 from axisbus.drives.gim6010.settings.pulse_inputs import FOLLOWS, PulseMapping, Pulses
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
-    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
-
 
 # -- The settings that are parameters: one row each, and one function that carries a row out over CAN, Modbus and USB ---
 
@@ -212,9 +210,6 @@ def limits_command(asked: ModuleSelection, velocity: float | None, current: floa
 def _by_register(
     asked: ModuleSelection, serial: ModbusTarget, limits: Mapping[str, float | None], *, save: bool
 ) -> int:
-    from axisbus.drives.gim6010.cli.modbus.registers import written
-    from axisbus.drives.gim6010.cli.modbus.target_module import opened
-
     with opened(serial) as module:
         module.require_idle("its limits are set")
         for name, value in limits.items():

@@ -4,28 +4,25 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.common import FAILURE, OK, say, say_error, say_next
-from axisbus.cli.shared.options import Decorated
 from axisbus.drives.gim6010.cli.module_selection import ModuleSelection, opened, require_list
+from axisbus.drives.gim6010.parameters import rules
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.settings import zero
+from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch, apply, shown
 from axisbus.errors import NodeError, StateError
-
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
-    from axisbus.drives.gim6010.settings.parameter_settings import ParameterBatch
 
 Act = Callable[["ModuleParameters"], None]
 
 
-def save_option(function: Decorated) -> Decorated:
-    return click.option(
-        "--save",
-        is_flag=True,
-        help="Afterwards save RAM to flash; the module restarts, and all values are read again.",
-    )(function)
+save_option = click.option(
+    "--save",
+    is_flag=True,
+    help="Afterwards save RAM to flash; the module restarts, and all values are read again.",
+)
 
 
 def over_usb(steps: Sequence[str]) -> None:
@@ -52,8 +49,6 @@ def with_module(asked: ModuleSelection, act: Act, steps: Sequence[str]) -> int:
 
 
 def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
-    from axisbus.drives.gim6010.settings.parameter_settings import shown
-
     def act(module: ModuleParameters) -> None:
         for line in shown(module, paths):
             say(line)
@@ -63,8 +58,6 @@ def show(asked: ModuleSelection, paths: tuple[str, ...]) -> int:
 
 def put(module: ModuleParameters, wanted: ParameterBatch, *, save: bool) -> None:
     """Write all parameters, and save them if requested; if that fails midway, print how many are in RAM. Then print the notes."""
-    from axisbus.drives.gim6010.settings.parameter_settings import apply
-
     told: list[str] = []
 
     def tell(text: str) -> None:
@@ -134,9 +127,6 @@ def set_zero(module: ModuleParameters) -> None:
         StateError: it is not idle, turns, or reports no credible position: then the steps over USB are printed.
         NodeError: it does not answer, or is not at its zero afterwards.
     """
-    from axisbus.drives.gim6010.parameters import rules
-    from axisbus.drives.gim6010.settings import zero
-
     module.require_idle()
     first = zero.look(module)
     time.sleep(_BETWEEN)

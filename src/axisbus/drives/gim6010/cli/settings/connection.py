@@ -9,15 +9,16 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack
-from typing import TYPE_CHECKING
 
 import click
 
 from axisbus.cli.shared.buses import open_bus, opening_of
 from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_next
-from axisbus.cli.shared.options import BitRate
-from axisbus.drives.gim6010.cli.bus import BusOptions, line_options, require_node, survey
+from axisbus.cli.shared.options import BitRate, GivenBus, bus_words
+from axisbus.drives.gim6010 import node_id_preconditions
+from axisbus.drives.gim6010.cli.bus import line_options, require_node, survey
 from axisbus.drives.gim6010.cli.modbus.registers import rename
+from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
 from axisbus.drives.gim6010.cli.module_selection import (
     ModuleSelection,
     modbus_options,
@@ -29,15 +30,21 @@ from axisbus.drives.gim6010.cli.module_selection import (
     usb_words_of,
 )
 from axisbus.drives.gim6010.cli.settings.common import over_usb, put, with_module
+from axisbus.drives.gim6010.discovery.results import DiscoveredModule, ProtocolsFound
 from axisbus.drives.gim6010.make import RESTART_TIME
+from axisbus.drives.gim6010.parameters import rules
+from axisbus.drives.gim6010.parameters.interface import ModuleParameters
+from axisbus.drives.gim6010.settings.parameter_settings import (
+    BIT_RATE,
+    CAN_SIMPLE,
+    CANOPEN,
+    SEARCH,
+    bit_rate,
+    protocol,
+)
 
-if TYPE_CHECKING:
-    from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
-    from axisbus.drives.gim6010.discovery.results import DiscoveredModule
-    from axisbus.drives.gim6010.parameters.interface import ModuleParameters
 
-
-def _searched(line: BusOptions, node: int) -> Iterator[list[DiscoveredModule]]:
+def _searched(line: GivenBus, node: int) -> Iterator[list[DiscoveredModule]]:
     """Search for a node until the time of a restart is over; yield the result of each search."""
     end = time.monotonic() + RESTART_TIME
     while time.monotonic() < end:
@@ -57,9 +64,6 @@ def set_bitrate_command(asked: ModuleSelection, rate: int) -> int:
     since it would destroy the others' frames, or if it is not idle. Saving restarts it; the new rate applies from then on. Over
     --modbus and --usb there is no search: the rate is that of its CAN interface, which need not be connected.
     """
-    from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.settings.parameter_settings import BIT_RATE, bit_rate
-
     wanted = bit_rate(rate)
     require_list(asked)
     if not asked.over_can:
@@ -89,7 +93,7 @@ def _found_again(asked: ModuleSelection, node: int, rate: int) -> int:
     from axisbus.bus.link import socketcan
     from axisbus.bus.link.bitrate_change import OwnRate
 
-    opening, line = opening_of(None, *asked.line), asked.line
+    opening, line = opening_of(*asked.line), asked.line
     if opening.own_rate is OwnRate.SYSTEM:
         say(
             "it was saved and restarts; this computer still has the old rate, and would destroy its frames. Type in this order:"
@@ -101,7 +105,7 @@ def _found_again(asked: ModuleSelection, node: int, rate: int) -> int:
         )
         for step in steps or ("set the rate of the link",):
             say(f"  {step}")
-        say_next(f"axisbus gim6010 find {line.words}")
+        say_next(f"axisbus gim6010 find {bus_words(*line)}")
         return OK
     there = line if opening.own_rate is OwnRate.NONE else line._replace(bitrate=rate)
     if any(each.heartbeat and each.state for found in _searched(there, node) for each in found):
@@ -109,7 +113,7 @@ def _found_again(asked: ModuleSelection, node: int, rate: int) -> int:
         return OK
     say_error(
         f"module {node} was saved and restarted, and is not found at {rate} bit/s in {RESTART_TIME:g} s\n"
-        f"  remedy:   look for it at either rate: axisbus gim6010 find {there.words}; {line.words}"
+        f"  remedy:   look for it at either rate: axisbus gim6010 find {bus_words(*there)}; {bus_words(*line)}"
     )
     return FAILURE
 
@@ -129,10 +133,6 @@ def to_canopen_command(asked: ModuleSelection) -> int:
     module on the bus. Over --modbus and --usb there is no search; if RS485 is the interface of the module, it speaks CANopen
     only after CAN becomes its interface, and the command says so.
     """
-    from axisbus.drives.gim6010 import node_id_preconditions
-    from axisbus.drives.gim6010.parameters import rules
-    from axisbus.drives.gim6010.settings.parameter_settings import CANOPEN, SEARCH, protocol
-
     wanted = protocol(CANOPEN)
     steps = (*wanted.over_usb, SEARCH)
     require_list(asked)
@@ -167,7 +167,7 @@ def _speaks_canopen(asked: ModuleSelection, node: int, steps: tuple[str, ...]) -
         protocols = [each.protocol.value for each in found if each.ours]
         if protocols == ["CANopen"]:
             say(f"node {node} speaks CANopen")
-            say_next(f"axisbus init {asked.line.words} -o cell.toml")
+            say_next(f"axisbus init {bus_words(*asked.line)} -o cell.toml")
             return OK
     seen = ", ".join(protocols) or "nothing"
     say_error(
@@ -184,15 +184,12 @@ def _speaks_canopen(asked: ModuleSelection, node: int, steps: tuple[str, ...]) -
 @line_options
 @usb_options
 @click.option("--node", type=click.IntRange(0, 127), help="The module's node ID; not with --usb.")
-def to_can_simple_command(line: BusOptions, node: int | None, usb: str | None) -> int:
+def to_can_simple_command(line: GivenBus, node: int | None, usb: str | None) -> int:
     """Change a module from CANopen back to CAN Simple, over --usb; otherwise show the steps, and write nothing.
 
     No object of CANopen is known that changes the protocol. Exit code 0 if it already speaks CAN Simple, or does now, 1 if the
     steps are shown, 3 if no module has this node ID.
     """
-    from axisbus.drives.gim6010.discovery.results import ProtocolsFound
-    from axisbus.drives.gim6010.settings.parameter_settings import CAN_SIMPLE, SEARCH, protocol
-
     wanted = protocol(CAN_SIMPLE)
     if usb is not None:
         put(on_usb(usb), wanted, save=True)
@@ -202,7 +199,7 @@ def to_can_simple_command(line: BusOptions, node: int | None, usb: str | None) -
     found = [each for each in survey(line, node)[1] if each.ours and node in each.addresses]
     if not found:
         say_error(
-            f"no module has the node ID {node}\n  remedy:   list the modules: axisbus gim6010 find {line.words}"
+            f"no module has the node ID {node}\n  remedy:   list the modules: axisbus gim6010 find {bus_words(*line)}"
         )
         return FAILURE
     if all(each.protocol is ProtocolsFound.CAN_SIMPLE for each in found):
@@ -227,7 +224,7 @@ def to_can_simple_command(line: BusOptions, node: int | None, usb: str | None) -
 )
 def set_id_command(
     new: int,
-    line: BusOptions,
+    line: GivenBus,
     node: int | None,
     serial: ModbusTarget | None,
     usb: str | None,
@@ -239,7 +236,6 @@ def set_id_command(
     modules have the old ID, or if the module is not idle. Over --modbus it looks for NEW only, over --usb there is no search.
     Saving restarts the module.
     """
-    from axisbus.drives.gim6010 import node_id_preconditions
     from axisbus.drives.gim6010.bus.settings_by_message import set_node_id
 
     if usb is not None:
@@ -261,14 +257,14 @@ def set_id_command(
 
     try:
         with ExitStack() as stack:
-            set_node_id(open_bus(stack, None, *line), node, new, save=not no_save, tell=tell)
+            set_node_id(open_bus(stack, *line), node, new, save=not no_save, tell=tell)
     except BaseException:
         if told:
             say_error(
                 f"it has node ID {new} in RAM; unless it was saved, it has {node} again after switching it off and on"
             )
         raise
-    say_next(f"label it {new}; then axisbus gim6010 find {line.words}")
+    say_next(f"label it {new}; then axisbus gim6010 find {bus_words(*line)}")
     return OK
 
 

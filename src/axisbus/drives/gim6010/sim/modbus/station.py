@@ -13,7 +13,6 @@ from __future__ import annotations
 import struct
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from enum import IntEnum
 from typing import NamedTuple
 
 from axisbus.cia301.tables import rows
@@ -22,17 +21,8 @@ from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.sim.parameters import Value
 
 
-class Act(IntEnum):
-    """Holding registers that start an action when any value is written."""
-
-    EMERGENCY_STOP = 0x61
-    REBOOT = 0x7E
-    CLEAR_ERRORS = 0x7F
-    SAVE = 0x80
-
-
 class RegisterAddress(NamedTuple):
-    """One value: struct's letter, and the path of its parameter in the USB tree; empty if it is not a parameter."""
+    """One value: struct's letter, and the path of its parameter or function in the USB tree; empty if there is none."""
 
     kind: str
     path: str
@@ -43,6 +33,8 @@ NODE_ID, STATE_CONTROL = 0x62, 0x63
 ENDPOINT, ENDPOINT_VALUE = 0xA1, 0xA2
 POSITION, VELOCITY = 0x0F, 0x11
 POSITION_TARGET = 0x66
+EMERGENCY_STOP, SAVE = 0x61, 0x80
+WRITE_ONLY = (EMERGENCY_STOP, 0x7E, 0x7F, SAVE, ENDPOINT_VALUE)  # read as 0
 STATES = (1, 3, 4, 7, 8, 11)
 _ROWS = rows(__package__, "station.tsv")
 INPUTS, HOLDINGS = (
@@ -87,11 +79,7 @@ class Station:
         self._now = 0.0
         self._restarts = self.module.restarts
         self._target: float | None = None
-        self._address = self._stored_address
-
-    @property
-    def address(self) -> int:
-        return self._address
+        self.address = self._stored_address
 
     @property
     def broken(self) -> int:
@@ -114,7 +102,7 @@ class Station:
         if self.module.restarts != self._restarts:
             self._restarts = self.module.restarts
             self._answers.clear()
-            self._address = self._stored_address
+            self.address = self._stored_address
             self._endpoint = 0
 
     def due(self, now: float) -> bytes:
@@ -131,7 +119,7 @@ class Station:
 
     def _hear(self, frame: bytes) -> None:
         everybody = frame[0] == _EVERYBODY
-        if (frame[0] != self._address and not everybody) or not self.module.is_awake:
+        if (frame[0] != self.address and not everybody) or not self.module.is_awake:
             return
         if self._counted("deaf"):
             return
@@ -216,11 +204,7 @@ class Station:
             RETURN: lambda: int.from_bytes(module.endpoints.read_bytes(self._endpoint) or bytes(4), "little"),
         }
         if places is HOLDINGS:
-            own = {
-                ENDPOINT: lambda: self._endpoint,
-                **{int(act): lambda: 0 for act in Act},
-                ENDPOINT_VALUE: lambda: 0,
-            }
+            own = {ENDPOINT: lambda: self._endpoint, **{each: lambda: 0 for each in WRITE_ONLY}}
         return own[first]() if first in own else module.usb_read(places[first].path)
 
     def _flags(self) -> int:
@@ -234,8 +218,10 @@ class Station:
 
     def _set(self, first: int, value: Value) -> None:
         module = self.module
-        if first in list(Act):
-            self._act(Act(first))
+        if first == EMERGENCY_STOP:
+            module.axis.estop()
+        elif first == SAVE and not self.dials.save_restarts:
+            module.parameters.save()
         elif first == ENDPOINT:
             self._endpoint = int(value)
         elif first == ENDPOINT_VALUE:
@@ -247,7 +233,7 @@ class Station:
             if first == POSITION_TARGET:
                 self._target = float(value)
             if first == NODE_ID and self.dials.node_id_at_once:
-                self._address = int(value)
+                self.address = int(value)
 
     def _state(self, state: int) -> None:
         if state not in STATES:
@@ -257,19 +243,6 @@ class Station:
         closed = self.module.axis.state == AxisState.CLOSED_LOOP
         if closed and not was_closed and self.dials.keeps_target and self._target is not None:
             self.module.usb_write(HOLDINGS[POSITION_TARGET].path, self._target)
-
-    def _act(self, act: Act) -> None:
-        module = self.module
-        if act is Act.EMERGENCY_STOP:
-            module.axis.estop()
-        elif act is Act.CLEAR_ERRORS:
-            module.usb_call("clear_errors")
-        elif act is Act.REBOOT:
-            module.usb_call("reboot")
-        elif self.dials.save_restarts:
-            module.usb_call("save_configuration")
-        else:
-            module.parameters.save()
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -309,8 +282,6 @@ class LineDials:
 # -- RTU frames: their checksum, and their end in the received bytes (Modbus over serial line V1.02, 2.5) --------------
 
 
-_READS = (0x03, 0x04)
-_WRITE_ONE, _WRITE_SEVERAL = 0x06, 0x10
 _SHORTEST = 4  # address, function, checksum
 _REQUEST = 8  # length of reads, and of a write of one register
 _COUNT_AT = 6  # position of the byte count of a write
@@ -365,7 +336,7 @@ def _size(data: bytes) -> int:
     if len(data) < 2:
         return 0
     function = data[1]
-    if function in _READS or function == _WRITE_ONE:
+    if function in (_READ_HOLDING, _READ_INPUT) or function == _WRITE_ONE:
         return _REQUEST
     if function == _WRITE_SEVERAL:
         return _COUNT_AT + 1 + data[_COUNT_AT] + 2 if len(data) > _COUNT_AT else 0

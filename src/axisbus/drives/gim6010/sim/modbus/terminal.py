@@ -6,8 +6,8 @@ import os
 import select
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Sequence
+from contextlib import closing, suppress
 
 from axisbus.drives.gim6010.sim.modbus.station import Station
 from axisbus.errors import PlatformError
@@ -69,10 +69,5 @@ class Terminal:
                     os.write(self._line, answer)
 
 
-@contextmanager
-def served(*stations: Station) -> Iterator[Terminal]:
-    terminal = Terminal(stations)
-    try:
-        yield terminal
-    finally:
-        terminal.close()
+def served(*stations: Station) -> closing[Terminal]:
+    return closing(Terminal(stations))
