@@ -178,7 +178,7 @@ def by_interpolation(case: CheckContext) -> Problems:
             else "modes names ip",
             'if the drive has csp, name it: modes = ["pp", "csp", ...]',
         )
-        if _sources(case, drive)["interpolation_target"] is not ValueTransport.SYNC_PDO:
+        if planned(case, drive).outputs["interpolation_target"] is not ValueTransport.SYNC_PDO:
             yield case.error(
                 line,
                 f"axis {axis.name}: its set-points of ip (60C1h:01) cannot be sent with SYNC",
