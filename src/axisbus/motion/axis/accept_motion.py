@@ -629,7 +629,8 @@ def require_objects(
         raise StateError(
             f"{ticket.name}: {parameters.name} cannot run {modes.short(mode)} ({mode.text})",
             observed=f"its EDS lacks {', '.join(object_text(index) for index in missing)}",
-            remedy="use another command; if the drive has these objects, name the drive's own EDS in cell.toml",
+            remedy="use another command; if the drive has these objects, name the drive's own EDS in cell.toml, "
+            "and do not list them in ignored_objects",
         )
     require_mode(parameters, mode, ticket)
 
