@@ -254,6 +254,16 @@ def test_messages_of_a_publisher_with_a_slow_clock_stay_fresh_and_late_ones_are_
         fresh.require(sent(2001, 1e6 - 10.0), now)
 
 
+def test_a_sender_whose_clock_was_set_back_is_told_to_restart():
+    fresh = Freshness(0.0)
+    fresh.require(sent(1, 3600.0), 0.1)
+    fresh.beat(0.4)
+    with pytest.raises(StateError, match="too late") as caught:
+        fresh.require(sent(2, 0.3), 0.4)
+    assert "if the clock of the sender was set back, restart the sender" in str(caught.value.remedy)
+    fresh.require(sent(1, 0.3, b"b" * 16), 0.4)  # after its restart it is another publisher
+
+
 def test_messages_received_after_a_suspension_of_the_bridge_are_not_fresh():
     fresh = Freshness(0.0)
     fresh.beat(0.1)

@@ -4,7 +4,7 @@ Theory of operation
 -------------------
 asyncua numbers sessions and subscriptions, and trusts any client's numbers. Here a session has an unguessable token, a subscription
 belongs to the session that created it, requests are brought within ``limits``, and nothing can be written. The rights of a session
-are checked twice: by the rules of its channel (``policies``), and here.
+are checked twice: by the rules of its channel (``trust``), and here.
 """
 
 from __future__ import annotations

@@ -308,7 +308,7 @@ class Freshness:
             raise StateError(
                 "a trajectory arrived too late",
                 observed=f"it was {late:.3f} s slower than other messages of its sender",
-                remedy=_REMEDY,
+                remedy=f"{_REMEDY}; if the clock of the sender was set back, restart the sender",
             )
 
     def _note(self, gid: bytes, known: _Known) -> None:

@@ -56,6 +56,10 @@ class ModuleObjects:
         self._orders = orders
 
     @property
+    def indices(self) -> frozenset[int]:
+        return frozenset(index for index, _ in self.addresses)
+
+    @property
     def addresses(self) -> frozenset[Address]:
         """All entries, by index and sub-index."""
         return frozenset({*self._constants, *self._live, *self._orders}) | {
@@ -98,8 +102,7 @@ class ModuleObjects:
         return None
 
     def _missing(self, index: int) -> int:
-        indices = {each for each, _ in self.addresses}
-        return abort.SUBINDEX_MISSING if index in indices else abort.OBJECT_MISSING
+        return abort.SUBINDEX_MISSING if index in self.indices else abort.OBJECT_MISSING
 
 
 def error_objects(words: error_words.ModuleErrors) -> dict[Address, Read]:
