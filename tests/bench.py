@@ -34,7 +34,7 @@ from axisbus.eds.builtin import resolve
 from axisbus.eds.io import reader
 from axisbus.eds.model import Eds, Object, ObjectType, Variable
 from axisbus.machine.machine import Machine
-from axisbus.motion.group.path import CycleVelocity, way_of
+from axisbus.motion.group.path import CycleVelocity, build_path
 from axisbus.motion.group.path_builder import polyline
 from axisbus.motion.group.path_motion import AxisPathShare, PathPosition
 from axisbus.motion.group.path_speed import PathSpeed
@@ -75,7 +75,7 @@ def generators() -> None:
     places = [tuple(30.0 * math.sin(0.7 * point + axis) for axis in range(32)) for point in range(52)]
     pieces, stops = polyline(places, 0.5)
     cycle = CycleVelocity(500.0, 0.004)
-    way = way_of(pieces, [AxisLimits(velocity=300.0, acceleration=3000.0)] * 32, 3000.0, stops, cycle)
+    way = build_path(pieces, [AxisLimits(velocity=300.0, acceleration=3000.0)] * 32, 3000.0, stops, cycle)
 
     def work() -> int:
         travel, along, cycles = PathSpeed(), PathPosition(way, 0.0, places[0]), 0

@@ -14,7 +14,7 @@ from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.commands import ForEach, GroupContinue, GroupSetOverride, MoveLinear, MovePath
-from axisbus.motion.group.path import NOWHERE
+from axisbus.motion.group.path import EMPTY_PATH
 from axisbus.motion.moves.profile import MoveProfile
 from kit.motion.rig import rig
 
@@ -76,7 +76,7 @@ def test_a_stop_overtakes_all_commands_that_share_an_axis_with_it():
     for number in range(AT_ONCE):
         given(inbox, "z", move(number))
     line = given(inbox, ("x", "y"), MoveLinear({"x": 1.0, "y": 1.0}, 1.0, 1.0))
-    path = given(inbox, "g", MovePath(("x", "y"), NOWHERE, 1.0))
+    path = given(inbox, "g", MovePath(("x", "y"), EMPTY_PATH, 1.0))
     resumed = given(inbox, "g", GroupContinue(("x", "y")))
     own = given(inbox, "y", move(1))
     halt = given(inbox, "x", c.Halt())  # takes the line with it, and leaves y's own move

@@ -32,18 +32,18 @@ from axisbus.motion.commands import (
     TargetReference,
 )
 from axisbus.motion.group.commands import ForEach, MovePath
-from axisbus.motion.group.path import way_of
+from axisbus.motion.group.path import build_path
 from axisbus.motion.group.path_builder import arc_through, polyline
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.parameters import AxisLimits, AxisParameters, Units, no_explanation
-from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, OnUnderrun, Span
+from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, OnUnderrun, StreamSegment
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.session import CommandEvent
 from axisbus.units import Scale
 
 PIECES, STOPS = polyline([(0.0, 0.0), (9.0, 0.0), (9.0, 9.0), (0.0, 0.0)], 1.0)
-SPANS = (Span(0.01, 50.0, ((0.0, 1.0, 0.5, 0.0, 0.0, 0.0), (1.0, -1.0, 0.0, 0.0, 2.0, 0.0))),)
-WAY = way_of(
+SPANS = (StreamSegment(0.01, 50.0, ((0.0, 1.0, 0.5, 0.0, 0.0, 0.0), (1.0, -1.0, 0.0, 0.0, 2.0, 0.0))),)
+WAY = build_path(
     [*PIECES, arc_through((0.0, 0.0), (1.0, 1.0), (2.0, 0.0))],
     [AxisLimits(velocity=9.0), AxisLimits()],
     50.0,

@@ -169,7 +169,7 @@ def test_a_machine_stopped_by_a_signal_refuses_commands_with_that_reason(make):
     cell["x"].move_velocity(50.0)
     cell.sleep(1.0)
     assert cell["x"].error is None
-    EXIT._ask(2, 1)
+    EXIT._request_stop(2, 1)
     cell.sleep(2.0)
     assert cell["x"].state is AxisState.DISABLED
     assert "Ctrl-C" in str(cell["x"].error)

@@ -25,14 +25,14 @@ class Events:
     """IPython's events."""
 
     def __init__(self):
-        self.there = []
+        self.is_running = []
 
     def register(self, event, call):
         assert event == "pre_execute"
-        self.there.append(call)
+        self.is_running.append(call)
 
     def unregister(self, event, call):
-        self.there.remove(call)
+        self.is_running.remove(call)
 
 
 class Shell:
@@ -44,7 +44,7 @@ class Shell:
 
     def cell(self, code, handler=signal.default_int_handler):
         self.kernel.saved_sigint_handler = signal.signal(signal.SIGINT, handler)
-        for call in list(self.events.there):
+        for call in list(self.events.is_running):
             call()
         try:
             return code()
@@ -61,7 +61,7 @@ def shell(monkeypatch):
     before = signal.signal(signal.SIGINT, signal.SIG_IGN)
     yield made
     assert signal.getsignal(signal.SIGINT) is signal.SIG_IGN
-    assert made.events.there == []
+    assert made.events.is_running == []
     signal.signal(signal.SIGINT, before)
 
 

@@ -9,7 +9,13 @@ from itertools import pairwise
 
 import pytest
 
-from axisbus.motion.blending.blended_profile import BlendedProfile, Leg, course_along, course_of, extended
+from axisbus.motion.blending.blended_profile import (
+    BlendedProfile,
+    Leg,
+    extended_profile,
+    profile_from_rest,
+    profile_of_move,
+)
 from axisbus.motion.blending.jerk_limited import SmoothedProfile
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.jerk.online_profile import JerkLimits, ReferenceState
@@ -21,15 +27,15 @@ MEAN = WINDOW * T
 MODES = [mode for mode in BufferMode if mode.blends]
 
 
-def ahead_on(course: BlendedProfile, ramp: float, window: int = WINDOW) -> SmoothedProfile:
-    here = course.position(0.0)
-    return SmoothedProfile(course, deque([here] * window, maxlen=window), ReferenceState(here), ramp, T)
+def ahead_on(profile: BlendedProfile, ramp: float, window: int = WINDOW) -> SmoothedProfile:
+    here = profile.position(0.0)
+    return SmoothedProfile(profile, deque([here] * window, maxlen=window), ReferenceState(here), ramp, T)
 
 
 def gone(ahead: SmoothedProfile) -> list[tuple[float, float]]:
     """Time of the mean, and place, from rest to the end."""
     rows = [(ahead.t, ahead.led.place)]
-    while ahead.t < ahead.course.duration:
+    while ahead.t < ahead.profile.duration:
         ahead.advance(T)
         rows.append((ahead.t, ahead.led.place))
         assert len(rows) < 50_000
@@ -53,8 +59,8 @@ def passing(rows: list[tuple[float, float]], place: float) -> tuple[float, float
 @pytest.mark.parametrize(("first", "second"), [(50.0, 80.0), (80.0, 50.0)])
 def test_a_jerk_limited_transition_has_the_velocity_of_its_mode_and_no_acceleration(mode, first, second):
     legs = [Leg(100.0, first, 200.0, 400.0), Leg(200.0, second, 200.0, 400.0, mode)]
-    course = course_of(0.0, legs, MEAN)
-    rows = gone(ahead_on(course, 200.0))
+    profile = profile_from_rest(0.0, legs, MEAN)
+    rows = gone(ahead_on(profile, 200.0))
     speed, rate = passing(rows, 100.0)
     assert speed == pytest.approx(mode.velocity(first, second), abs=0.01)
     assert abs(rate) < 0.01 * 200.0
@@ -62,18 +68,18 @@ def test_a_jerk_limited_transition_has_the_velocity_of_its_mode_and_no_accelerat
     places = [place for _, place in rows]
     assert highest(places, 2) <= 400.0 * (1 + 1e-9)
     assert highest(places, 3) <= 2.0 * 400.0 / MEAN * (1 + 1e-9)
-    joint = course.joints[0]
-    due = next(place for t, place in rows if t >= course.passed_at(joint))
+    joint = profile.transitions[0]
+    due = next(place for t, place in rows if t >= profile.passed_at(joint))
     assert due == pytest.approx(100.0, abs=joint.speed * T)
 
 
 def test_before_a_reversal_the_stop_is_reached_and_seen():
     legs = [Leg(100.0, 80.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
-    course = course_of(0.0, legs, MEAN)
-    rows = gone(ahead_on(course, 200.0))
+    profile = profile_from_rest(0.0, legs, MEAN)
+    rows = gone(ahead_on(profile, 200.0))
     assert max(place for _, place in rows) == pytest.approx(100.0, abs=1e-9)
-    assert course.joints[0].turns
-    due = [place for t, place in rows if t >= course.passed_at(course.joints[0])]
+    assert profile.transitions[0].turns
+    due = [place for t, place in rows if t >= profile.passed_at(profile.transitions[0])]
     assert due[0] == pytest.approx(100.0, abs=1e-9)
     assert highest([place for _, place in rows], 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
@@ -84,9 +90,9 @@ def test_moves_too_short_for_their_jerk_limit_are_blended_at_nearly_the_velocity
         *(Leg(end, 60.0, 200.0, 200.0, BufferMode.HIGH) for end in (102.0, 104.0)),
         Leg(200.0, 90.0, 200.0, 200.0, BufferMode.LOW),
     ]
-    course = course_of(0.0, legs, MEAN)
-    assert [joint.speed for joint in course.joints] == [60.0, 60.0, 60.0, 0.0]
-    rows = gone(ahead_on(course, 200.0))
+    profile = profile_from_rest(0.0, legs, MEAN)
+    assert [joint.speed for joint in profile.transitions] == [60.0, 60.0, 60.0, 0.0]
+    rows = gone(ahead_on(profile, 200.0))
     for place in (100.0, 102.0, 104.0):
         assert passing(rows, place)[0] == pytest.approx(60.0, abs=3.0)
 
@@ -97,17 +103,17 @@ def test_a_move_that_joins_on_a_segment_shorter_than_its_mean_continues(moment):
         Leg(10.0, 20.0, 500.0, 500.0),
         *(Leg(end, 20.0, 500.0, 500.0, BufferMode.NEXT) for end in (11.0, 12.0)),
     ]
-    course = course_of(0.0, legs, MEAN)
-    t = course.joints[0].time + moment
-    assert t < course.duration
-    left = [leg for leg, joint in zip(legs, course.joints, strict=True) if joint.time > t]
-    longer = extended(course, t, [*left, Leg(90.0, 20.0, 500.0, 500.0, BufferMode.NEXT)])
-    assert longer.speed(t) == pytest.approx(course.speed(t))
-    assert not any(joint.turns for joint in longer.joints)
-    ahead = ahead_on(course, 500.0)
+    profile = profile_from_rest(0.0, legs, MEAN)
+    t = profile.transitions[0].time + moment
+    assert t < profile.duration
+    left = [leg for leg, joint in zip(legs, profile.transitions, strict=True) if joint.time > t]
+    longer = extended_profile(profile, t, [*left, Leg(90.0, 20.0, 500.0, 500.0, BufferMode.NEXT)])
+    assert longer.speed(t) == pytest.approx(profile.speed(t))
+    assert not any(joint.turns for joint in longer.transitions)
+    ahead = ahead_on(profile, 500.0)
     while ahead.time.t < t:
         ahead.advance(T)
-    ahead.course, places = longer, [ahead.led.place]
+    ahead.profile, places = longer, [ahead.led.place]
     places += [place for _, place in gone(ahead)][1:]
     assert places == sorted(places)
     assert places[-1] == 90.0
@@ -116,14 +122,14 @@ def test_a_move_that_joins_on_a_segment_shorter_than_its_mean_continues(moment):
 
 def test_without_a_mean_the_path_is_unchanged():
     legs = [Leg(100.0, 50.0, 100.0, 100.0), Leg(200.0, 50.0, 100.0, 100.0, BufferMode.LOW)]
-    assert course_of(0.0, legs, 0.0).pieces == course_of(0.0, legs).pieces
-    assert course_of(0.0, legs, MEAN).duration == pytest.approx(course_of(0.0, legs).duration)
+    assert profile_from_rest(0.0, legs, 0.0).pieces == profile_from_rest(0.0, legs).pieces
+    assert profile_from_rest(0.0, legs, MEAN).duration == pytest.approx(profile_from_rest(0.0, legs).duration)
 
 
 @pytest.mark.parametrize("factors", [(0.3,), (0.0, 1.0), (1.5, 0.5, 1.0)])
 def test_under_an_override_its_jerk_is_kept_and_it_is_never_faster(factors):
     legs = [Leg(60.0, 50.0, 200.0, 300.0), Leg(200.0, 80.0, 200.0, 300.0, BufferMode.HIGH)]
-    ahead, places = ahead_on(course_of(0.0, legs, MEAN), 200.0), [0.0] * 4
+    ahead, places = ahead_on(profile_from_rest(0.0, legs, MEAN), 200.0), [0.0] * 4
     for factor in factors:
         ahead.aim(factor)
         for _ in range(150):
@@ -138,7 +144,7 @@ def test_under_an_override_its_jerk_is_kept_and_it_is_never_faster(factors):
 
 
 def test_a_brake_on_the_trajectory_is_as_soft():
-    ahead, places = ahead_on(course_of(0.0, [Leg(200.0, 80.0, 200.0, 300.0)], MEAN), 200.0), [0.0] * 4
+    ahead, places = ahead_on(profile_from_rest(0.0, [Leg(200.0, 80.0, 200.0, 300.0)], MEAN), 200.0), [0.0] * 4
     for number in range(600):
         if number == 150:
             ahead.brake()
@@ -147,13 +153,13 @@ def test_a_brake_on_the_trajectory_is_as_soft():
         places.append(ahead.led.place)
     assert ahead.stopped
     assert 20.0 < places[-1] < 100.0
-    assert ahead.t < ahead.course.duration
-    assert "s" in ahead.told(ahead.t)
+    assert ahead.t < ahead.profile.duration
+    assert "s" in ahead.as_text(ahead.t)
     assert highest(places, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
 def test_a_move_to_another_target_begins_with_the_present_velocity_and_acceleration():
-    ahead, places = ahead_on(course_of(0.0, [Leg(200.0, 80.0, 200.0, 200.0)], MEAN), 200.0), [0.0] * 4
+    ahead, places = ahead_on(profile_from_rest(0.0, [Leg(200.0, 80.0, 200.0, 200.0)], MEAN), 200.0), [0.0] * 4
     for _ in range(60):
         ahead.advance(T)
         places.append(ahead.led.place)
@@ -168,14 +174,14 @@ def test_a_move_to_another_target_begins_with_the_present_velocity_and_accelerat
 @pytest.mark.parametrize("moment", [0.02, 0.3, 1.2])
 def test_a_leg_that_joins_behind_a_running_move_does_not_change_the_path_before_it(moment):
     way = ProfileFromSpeed(Start(3.0, 40.0), 100.0, 60.0, 200.0, 200.0)
-    course = course_along(way, MEAN)
+    profile = profile_of_move(way, MEAN)
     legs = [Leg(100.0, 60.0, 200.0, 200.0), Leg(180.0, 90.0, 200.0, 200.0, BufferMode.PREVIOUS)]
-    longer = extended(course, moment, legs)
+    longer = extended_profile(profile, moment, legs)
     for number in range(100):  # old parts are not kept
         t = max(0.0, moment - 0.9) + min(moment, 0.9) * number / 100
-        assert longer.position(t) == course.position(t)
+        assert longer.position(t) == profile.position(t)
     assert longer.mean == MEAN
-    assert longer.joints[0].speed == 60.0
+    assert longer.transitions[0].speed == 60.0
     rows = gone(ahead_on(longer, 200.0))
     assert passing(rows, 100.0)[0] == pytest.approx(60.0, abs=0.01)
 
@@ -192,20 +198,20 @@ def test_random_legs_that_join_at_random_times_keep_their_jerk_and_pass_every_en
 
     end = chance.uniform(-50.0, 50.0)
     legs = [leg(end)]
-    ahead, places, told = ahead_on(course_of(0.0, legs, MEAN), 0.1 * ramp), [0.0] * 4, []
-    while ahead.t < ahead.course.duration:
+    ahead, places, told = ahead_on(profile_from_rest(0.0, legs, MEAN), 0.1 * ramp), [0.0] * 4, []
+    while ahead.t < ahead.profile.duration:
         t = ahead.time.t
-        if chance.random() < 0.02 and len(told) + len(legs) < 8 and t < ahead.course.duration - 1e-9:
+        if chance.random() < 0.02 and len(told) + len(legs) < 8 and t < ahead.profile.duration - 1e-9:
             end += chance.choice([0.0, 0.02, 1.0, 30.0]) * chance.choice([1.0, 1.0, -1.0])
-            pending = ahead.course.joints[-len(legs) :]
+            pending = ahead.profile.transitions[-len(legs) :]
             while len(legs) > 1 and pending[0].time <= t:
                 told.append(legs.pop(0).end)
                 pending = pending[1:]
             legs.append(leg(end))
-            before = ahead.course
-            ahead.course = extended(before, t, legs)
-            assert ahead.course.position(t) == pytest.approx(before.position(t), abs=1e-9)
-            assert ahead.course.speed(t) == pytest.approx(before.speed(t), abs=1e-6)
+            before = ahead.profile
+            ahead.profile = extended_profile(before, t, legs)
+            assert ahead.profile.position(t) == pytest.approx(before.position(t), abs=1e-9)
+            assert ahead.profile.speed(t) == pytest.approx(before.speed(t), abs=1e-6)
         if chance.random() < 0.01:
             ahead.aim(chance.choice([0.2, 0.6, 1.0]))
         ahead.advance(T)

@@ -8,7 +8,7 @@ import random
 
 import pytest
 
-from axisbus.motion.blending.blended_profile import BlendedProfile, Leg, course_of, extended
+from axisbus.motion.blending.blended_profile import BlendedProfile, Leg, extended_profile, profile_from_rest
 from axisbus.motion.blending.mode import BufferMode
 
 STEP = 0.001
@@ -49,11 +49,11 @@ def test_a_faster_move_is_blended_at_the_velocity_of_the_buffer_mode(mode, joint
         Leg(100.0 * turned, 50.0, 200.0, 400.0),
         Leg(200.0 * turned, 80.0, 200.0, 400.0, BufferMode(f"blending_{mode}")),
     ]
-    course = course_of(0.0, legs)
-    assert course.joints[0].speed == joint
-    assert course.position(course.joints[0].time) == pytest.approx(100.0 * turned)
-    assert speed_near(course, course.joints[0].time) == pytest.approx(joint, abs=0.5)
-    assert speed_near(course, course.joints[0].time - 0.3) == pytest.approx(
+    course = profile_from_rest(0.0, legs)
+    assert course.transitions[0].speed == joint
+    assert course.position(course.transitions[0].time) == pytest.approx(100.0 * turned)
+    assert speed_near(course, course.transitions[0].time) == pytest.approx(joint, abs=0.5)
+    assert speed_near(course, course.transitions[0].time - 0.3) == pytest.approx(
         50.0
     )  # its own, before it changes
     assert course.top_speed == 80.0
@@ -65,26 +65,26 @@ def test_a_faster_move_is_blended_at_the_velocity_of_the_buffer_mode(mode, joint
 )
 def test_a_slower_move_is_blended_at_the_velocity_of_the_buffer_mode(mode, joint):
     legs = [Leg(100.0, 80.0, 200.0, 400.0), Leg(200.0, 50.0, 200.0, 400.0, BufferMode(f"blending_{mode}"))]
-    course = course_of(0.0, legs)
-    assert speed_near(course, course.joints[0].time) == pytest.approx(joint, abs=0.5)
-    assert speed_near(course, course.joints[0].time + 0.3) == pytest.approx(50.0)
+    course = profile_from_rest(0.0, legs)
+    assert speed_near(course, course.transitions[0].time) == pytest.approx(joint, abs=0.5)
+    assert speed_near(course, course.transitions[0].time + 0.3) == pytest.approx(50.0)
     must_hold(course, legs, 0.0)
 
 
 def test_the_time_of_a_path_is_that_of_its_ramps_and_of_the_part_between():
     legs = [Leg(100.0, 50.0, 100.0, 100.0), Leg(200.0, 50.0, 100.0, 100.0, BufferMode.LOW)]
-    course = course_of(0.0, legs)  # one trapezoid over 200, up and down in 0.5 s each
+    course = profile_from_rest(0.0, legs)  # one trapezoid over 200, up and down in 0.5 s each
     assert course.duration == pytest.approx(200.0 / 50.0 + 0.5)
-    assert course.joints[0].time == pytest.approx(100.0 / 50.0 + 0.25)
+    assert course.transitions[0].time == pytest.approx(100.0 / 50.0 + 0.25)
     assert course.span == (0.0, 200.0)
     assert (course.top_speed, course.top_acceleration) == (50.0, 100.0)
 
 
 def test_if_the_path_reverses_the_axis_stops_at_the_transition_which_notes_it():
     legs = [Leg(100.0, 50.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
-    course = course_of(0.0, legs)
-    assert course.joints[0].speed == 0.0
-    assert course.joints[0].turns
+    course = profile_from_rest(0.0, legs)
+    assert course.transitions[0].speed == 0.0
+    assert course.transitions[0].turns
     assert course.span == (0.0, 100.0)
     must_hold(course, legs, 0.0)
 
@@ -94,25 +94,25 @@ def test_a_move_without_length_is_a_stop():
         Leg(30.0, 50.0, 200.0, 200.0),
         *(Leg(end, 50.0, 200.0, 200.0, BufferMode.NEXT) for end in (30.0, 60.0)),
     ]
-    course = course_of(0.0, legs)
-    assert [joint.speed for joint in course.joints] == [0.0, 0.0, 0.0]
-    assert [joint.turns for joint in course.joints] == [True, True, False]
+    course = profile_from_rest(0.0, legs)
+    assert [joint.speed for joint in course.transitions] == [0.0, 0.0, 0.0]
+    assert [joint.turns for joint in course.transitions] == [True, True, False]
     must_hold(course, legs, 0.0)
-    assert course_of(5.0, [Leg(5.0, 1.0, 1.0, 1.0)]).position(1.0) == 5.0
+    assert profile_from_rest(5.0, [Leg(5.0, 1.0, 1.0, 1.0)]).position(1.0) == 5.0
 
 
 def test_the_transition_before_a_short_move_is_slow_enough_to_brake_within_that_move():
     legs = [Leg(100.0, 80.0, 200.0, 200.0), Leg(101.0, 80.0, 200.0, 100.0, BufferMode.PREVIOUS)]
-    course = course_of(0.0, legs)
-    assert course.joints[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
-    assert course.joints[0].asked == 80.0
+    course = profile_from_rest(0.0, legs)
+    assert course.transitions[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
+    assert course.transitions[0].requested == 80.0
     must_hold(course, legs, 0.0)
 
 
 def test_the_transition_after_a_short_move_is_as_fast_as_can_be_reached():
     legs = [Leg(1.0, 80.0, 100.0, 200.0), Leg(101.0, 80.0, 200.0, 200.0, BufferMode.NEXT)]
-    course = course_of(0.0, legs)
-    assert course.joints[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
+    course = profile_from_rest(0.0, legs)
+    assert course.transitions[0].speed == pytest.approx(math.sqrt(2 * 100.0 * 1.0))
     must_hold(course, legs, 0.0)
 
 
@@ -122,9 +122,9 @@ def test_between_two_faster_ends_a_short_move_slows_down_no_further_than_it_must
         Leg(104.0, 20.0, 200.0, 200.0, BufferMode.PREVIOUS),
         Leg(300.0, 80.0, 200.0, 200.0, BufferMode.NEXT),
     ]
-    course = course_of(0.0, legs)
-    assert [joint.speed for joint in course.joints] == [80.0, 80.0, 0.0]
-    middle = (course.joints[0].time + course.joints[1].time) / 2
+    course = profile_from_rest(0.0, legs)
+    assert [joint.speed for joint in course.transitions] == [80.0, 80.0, 0.0]
+    middle = (course.transitions[0].time + course.transitions[1].time) / 2
     assert speed_near(course, middle) == pytest.approx(math.sqrt(80.0**2 - 2 * 200.0 * 2.0), abs=0.1)
     must_hold(course, legs, 0.0)
 
@@ -132,10 +132,10 @@ def test_between_two_faster_ends_a_short_move_slows_down_no_further_than_it_must
 @pytest.mark.parametrize("ahead", [0.001, 0.004, 0.02])
 def test_the_part_planned_beyond_the_time_of_joining_is_planned_again(ahead):
     legs = [Leg(100.0, 50.0, 200.0, 400.0)]
-    course = course_of(0.0, legs)
+    course = profile_from_rest(0.0, legs)
     t = course.pieces[-1].begin - ahead  # it would begin to brake then
     legs.append(Leg(200.0, 50.0, 200.0, 400.0, BufferMode.LOW))
-    longer = extended(course, t, legs)
+    longer = extended_profile(course, t, legs)
     for number in range(-20, 200):
         assert longer.position(t + number * STEP) == pytest.approx(course.position(t) + 50.0 * number * STEP)
 
@@ -160,11 +160,11 @@ def test_random_legs_that_join_at_random_times_keep_their_limits_and_the_planned
     start = chance.choice([0.0, -7.5, 1e4])
     legs = [leg(beyond(start))]
     all_legs = legs.copy()
-    course, t = course_of(start, legs), 0.0
+    course, t = profile_from_rest(start, legs), 0.0
     for _ in range(chance.randint(1, 8)):
         legs.append(leg(beyond(legs[-1].end)))
         all_legs.append(legs[-1])
-        before, course = course, extended(course, t, legs)
+        before, course = course, extended_profile(course, t, legs)
         if t:
             assert course.position(t) == pytest.approx(before.position(t), abs=1e-9)
             assert course.speed(t) == pytest.approx(before.speed(t), abs=1e-9)
@@ -172,7 +172,7 @@ def test_random_legs_that_join_at_random_times_keep_their_limits_and_the_planned
             assert course.position(earlier) == pytest.approx(before.position(earlier), abs=1e-9)
         must_keep_speeds(course, t, legs)
         t = min(t + chance.choice([0.0, 0.003, 0.1, 1.0]), course.duration * 0.999)
-        while len(legs) > 1 and course.joints[len(course.joints) - len(legs)].time <= t:
+        while len(legs) > 1 and course.transitions[len(course.transitions) - len(legs)].time <= t:
             legs.pop(0)
     if t < 1.0:  # nothing of it has been dropped
         must_hold(course, all_legs, start)
@@ -185,7 +185,7 @@ def must_keep_speeds(course: BlendedProfile, t: float, legs: list[Leg]) -> None:
     speeds = [course.speed(time) for time in times]
     for before, after in itertools.pairwise(speeds):
         assert abs(after - before) <= ramp * STEP * (1 + 1e-6) + 1e-6
-    for joint, leg in zip(course.joints, legs, strict=True):
-        assert joint.speed <= joint.asked * (1 + 1e-12)
+    for joint, leg in zip(course.transitions, legs, strict=True):
+        assert joint.speed <= joint.requested * (1 + 1e-12)
         assert course.position(joint.time) == pytest.approx(leg.end, abs=1e-6)
         assert abs(course.speed(joint.time)) == pytest.approx(joint.speed, abs=1e-4 * ramp)

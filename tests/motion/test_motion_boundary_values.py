@@ -21,9 +21,9 @@ from axisbus.motion.group.path_builder import plan_line
 from axisbus.motion.moves.adopt_enabled_drive import DriveAdoption, resting_target
 from axisbus.motion.moves.profile import braking_distance, duration
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad
-from axisbus.motion.path_limit_check import PathLimitCheck, PathSample, brakes_smoothly, pace_of
+from axisbus.motion.path_limit_check import PathLimitCheck, PathSample, brakes_smoothly, limit_check_of
 from axisbus.motion.position_limits import excess, widened
 from axisbus.motion.stop.active_stop import StopKind, Stopping, stop_error
 from axisbus.motion.stop.diagnosis import remedy
@@ -430,7 +430,7 @@ def test_the_source_of_a_limit_is_not_in_its_repr():
 )
 def test_the_pace_of_a_path_comes_from_limits_defaults_and_trajectory(limits, defaults, trajectory, expected):
     base = parameters("x", dictionary_of(GENERIC), limits=limits, defaults=defaults)
-    found = pace_of(base, trajectory)
+    found = limit_check_of(base, trajectory)
     assert (found.velocity, found.acceleration) == expected
     assert (found.unit, found.period, found.increment) == ("deg", 0.01, 0.001)
 
@@ -490,7 +490,7 @@ def test_a_line_has_the_speed_of_its_length_and_no_axis_is_faster_than_it_may_be
     assert speed * 50.0 == pytest.approx(5.0)
     assert way.accelerations == pytest.approx((6.0, 8.0))
     assert (way.at(0.0), way.at(way.length)) == ((0.0, 0.0), (30.0, -40.0))
-    assert tuple(speed * share for share in way.shares) == pytest.approx((3.0, 4.0))
+    assert tuple(speed * share for share in way.speed_ratios) == pytest.approx((3.0, 4.0))
     assert (way.lowest, way.highest) == ((0.0, -40.0), (30.0, 0.0))
     slow, _ = line({"x": 30.0, "y": -40.0}, y=AxisLimits(velocity=2.0))
     assert slow.speeds == pytest.approx((1.5, 2.0))
@@ -527,8 +527,8 @@ def test_numeric_values_are_converted_and_others_are_none(value, found):
 
 
 def test_a_value_is_reported_in_a_line():
-    assert told("a" * 38) == "'" + "a" * 38 + "'"
-    assert told("a" * 39) == "'" + "a" * 39 + "... (41 characters)"
+    assert short_repr("a" * 38) == "'" + "a" * 38 + "'"
+    assert short_repr("a" * 39) == "'" + "a" * 39 + "... (41 characters)"
 
 
 def test_three_speeds_have_a_median_already():

@@ -15,13 +15,15 @@ from axisbus.errors import ArgumentError
 from axisbus.ipc.messages import CODEC
 from axisbus.motion.commands import PhaseBy
 from axisbus.motion.coupling.definition import CamLaw, Gear, SlaveReference
-from axisbus.motion.coupling.engagement import SyncInCurve
+from axisbus.motion.coupling.engagement import SyncCurve
 from axisbus.motion.coupling.slave_axis import PhaseShift
 
 SAME = settings(deadline=None, derandomize=True)
 PLACES = st.floats(-50.0, 50.0)
 POINTS = st.lists(st.tuples(st.floats(0.5, 20.0), PLACES), min_size=2, max_size=12).map(
-    lambda steps: [(sum(step for step, _ in steps[: n + 1]), place) for n, (_, place) in enumerate(steps)]
+    lambda steps: [
+        (sum(step for step, _ in steps[: n + 1]), position) for n, (_, position) in enumerate(steps)
+    ]
 )
 
 
@@ -34,9 +36,9 @@ def slope(curve, at: float, h: float = 1e-5) -> float:
 def test_a_cam_passes_through_its_points_without_a_jump_in_slope_or_curvature(points, periodic):
     cam = Cam(points, periodic=periodic)
     law = cam._transfer_function()
-    scale = 1.0 + max(abs(place) for _, place in points)
-    for master, place in points[:-1]:
-        assert cam.at(master) == pytest.approx(place, abs=1e-9 * scale)
+    scale = 1.0 + max(abs(position) for _, position in points)
+    for master, position in points[:-1]:
+        assert cam.at(master) == pytest.approx(position, abs=1e-9 * scale)
     assert cam.at(points[-1][0] - 1e-12) == pytest.approx(points[-1][1], abs=1e-6 * scale)
     inner = [master for master, _ in points[1:-1]] + ([points[0][0], points[-1][0]] if periodic else [])
     for master in inner:
@@ -55,9 +57,9 @@ def test_slope_and_span_of_a_cam_agree_with_its_positions(points, periodic, wher
     if any(min(distance, law.period - distance) < 1e-3 for distance in beside):
         return
     due = law.at(at)
-    assert due.slope == pytest.approx(slope(lambda m: law.at(m).place, at), rel=1e-3, abs=1e-3)
+    assert due.slope == pytest.approx(slope(lambda m: law.at(m).position, at), rel=1e-3, abs=1e-3)
     assert due.bend == pytest.approx(slope(lambda m: law.at(m).slope, at), rel=1e-3, abs=1e-3)
-    assert cam.span[0] - 1e-9 <= due.place - law.raised(at) <= cam.span[1] + 1e-9
+    assert cam.span[0] - 1e-9 <= due.position - law.accumulated_lift(at) <= cam.span[1] + 1e-9
 
 
 def test_a_periodic_cam_is_a_sine_through_few_points_of_one():
@@ -71,8 +73,8 @@ def test_a_cam_is_stretched_and_shifted():
     cam = Cam([(0.0, 0.0), (10.0, 4.0), (30.0, 6.0)], periodic=True)
     law = cam._transfer_function(phase=5.0, master_scale=2.0, scale=-0.5)
     for m in range(-100, 100, 7):
-        assert law.at(m).place == pytest.approx(-0.5 * cam.at((m + 5.0) / 2.0))
-        assert law.at(m).slope == pytest.approx(slope(lambda at: law.at(at).place, m), rel=1e-4, abs=1e-6)
+        assert law.at(m).position == pytest.approx(-0.5 * cam.at((m + 5.0) / 2.0))
+        assert law.at(m).slope == pytest.approx(slope(lambda at: law.at(at).position, m), rel=1e-4, abs=1e-6)
 
 
 def test_laws_cross_to_the_core_as_they_are():
@@ -86,7 +88,7 @@ def test_laws_cross_to_the_core_as_they_are():
 @given(PLACES, st.floats(0.1, 50.0), st.booleans(), *[st.floats(-20.0, 20.0)] * 5)
 def test_a_blend_joins_position_slope_and_curvature(begin, length, back, p, s, q, u, b):
     end = begin - length if back else begin + length
-    blend = SyncInCurve(begin, end, SlaveReference(p, s, 0.0), SlaveReference(q, u, b))
+    blend = SyncCurve(begin, end, SlaveReference(p, s, 0.0), SlaveReference(q, u, b))
     large = 1.0 + max(map(abs, (p, q))) + length * max(map(abs, (s, u))) + length**2 * abs(b)
     assert blend.at(begin) == pytest.approx(p, abs=1e-9 * large)
     assert blend.at(end) == pytest.approx(q, abs=1e-9 * large)
@@ -100,7 +102,7 @@ def test_a_blend_joins_position_slope_and_curvature(begin, length, back, p, s, q
 
 
 def test_a_blend_from_standstill_to_standstill_never_reverses():
-    blend = SyncInCurve(0.0, 10.0, SlaveReference(0.0, 0.0, 0.0), SlaveReference(5.0, 0.0, 0.0))
+    blend = SyncCurve(0.0, 10.0, SlaveReference(0.0, 0.0, 0.0), SlaveReference(5.0, 0.0, 0.0))
     places = [blend.at(n / 10.0) for n in range(101)]
     assert all(a <= b for a, b in pairwise(places))
 
@@ -144,7 +146,7 @@ def test_a_cam_is_read_from_a_file(tmp_path):
     file = tmp_path / "cam.csv"
     file.write_text("\ufeffmaster,slave\n0,0\n\n90,20\n360,0\n", encoding="utf-8")
     cam = Cam.read(file, periodic=True)
-    assert (cam.at(90.0), cam.master_span, cam.lift) == (20.0, (0.0, 360.0), 0.0)
+    assert (cam.at(90.0), cam.master_range, cam.lift) == (20.0, (0.0, 360.0), 0.0)
     with pytest.raises(ArgumentError, match="cannot be read as a cam"):
         Cam.read(tmp_path / "none.csv")
 

@@ -19,7 +19,7 @@ from axisbus.errors import (
     UncommandedMotion,
 )
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.modes import CONDUCT, RESTING_MODES
+from axisbus.motion.modes import MODE_PROPERTIES, RESTING_MODES
 from axisbus.motion.moves.enable import EnableActivity
 from axisbus.motion.moves.power_transition import StateWalk
 from axisbus.motion.parameters import StopTimes
@@ -308,7 +308,7 @@ def test_a_cyclic_mode_has_its_offsets_taken_back_before_there_is_power():
 
 def test_the_resting_modes_are_in_order_of_safety():
     assert [int(mode) for mode in RESTING_MODES] == [1, 8, 3, 9, 4]
-    assert [CONDUCT[mode].rests for mode in RESTING_MODES] == [0, 1, 2, 3, 4]
+    assert [MODE_PROPERTIES[mode].standstill_rank for mode in RESTING_MODES] == [0, 1, 2, 3, 4]
 
 
 # The walk of the power stage.
@@ -398,7 +398,7 @@ def test_a_drive_found_moving_is_halted_and_given_up_after_the_time_of_a_halt():
 
 
 def test_every_mode_of_the_standard_has_its_conduct():
-    assert CONDUCT.keys() == FACTS.keys()
+    assert MODE_PROPERTIES.keys() == FACTS.keys()
 
 
 def after(state: int, word: int) -> int:

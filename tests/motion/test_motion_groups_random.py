@@ -104,7 +104,7 @@ class Chaos:
         assert not [handle for handle in self.handles if handle.exception() is None and not handle.done], (
             self.told
         )
-        assert not [group for group in self.cell.machine._core.scan.groups.values() if group._under_way], (
+        assert not [group for group in self.cell.machine._core.scan.groups.values() if group._active], (
             self.told
         )
         for axis in "xyz":

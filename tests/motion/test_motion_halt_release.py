@@ -7,7 +7,7 @@ import pytest
 from axisbus.cia402.options import Ramp
 from axisbus.cia402.port import ValueTransport
 from axisbus.errors import AxisbusError, ModeError, UncommandedMotion
-from axisbus.motion.modes import CONDUCT, AfterHalt
+from axisbus.motion.modes import MODE_PROPERTIES, AfterHalt
 from axisbus.motion.moves.halt_release import HaltRelease, after_halt
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.parameters import Handshake, HoldsLoad, HomingParameters
@@ -426,7 +426,7 @@ def test_when_the_master_knows_that_the_drive_has_no_set_point(seen, idle):
 
 
 def test_every_mode_defines_the_remains_of_a_halted_motion():
-    left = {mode: conduct.after_halt for mode, conduct in CONDUCT.items()}
+    left = {mode: conduct.after_halt for mode, conduct in MODE_PROPERTIES.items()}
     assert left.pop(MODE.PROFILE_POSITION) is AfterHalt.SET_POINT
     assert left.pop(MODE.HOMING) is AfterHalt.SEARCH
     assert left.pop(MODE.VELOCITY) is left.pop(MODE.CYCLIC_SYNC_TORQUE_ANGLE) is None

@@ -72,12 +72,12 @@ def test_a_command_is_done_once_the_node_reported_after_the_command_was_sent(hea
     one, ticket, done = node(), CommandStatus("lamp"), []
     one.step(0.0, there())
     one.set({"lamp": 1}, ticket)
-    assert not one.rests
+    assert not one.is_idle
     for now, sign in zip((0.01, 0.02, 0.03), heard, strict=True):
         one.step(now, there()._replace(heard=sign))
         done += [now] if ticket.status is Status.DONE else []
     assert done[:1] == ([] if done_at is None else [done_at])
-    assert one.rests
+    assert one.is_idle
 
 
 def test_a_command_that_was_sent_fails_as_soon_as_the_loss_is_known():

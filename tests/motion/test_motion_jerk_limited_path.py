@@ -11,7 +11,14 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.path import CycleVelocity, Path, Soft, SpeedZone, softened, way_of
+from axisbus.motion.group.path import (
+    CycleVelocity,
+    JerkLimit,
+    Path,
+    SpeedZone,
+    build_path,
+    jerk_limited_corner,
+)
 from axisbus.motion.group.path_builder import polyline, window
 from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import corner
@@ -55,9 +62,9 @@ def planned(
 ) -> tuple[Path, int]:
     pieces, stops = polyline(points, blend)
     cycle = CycleVelocity(velocity, t)
-    hardest = max(way_of(pieces, limits, hard, stops, cycle).ramps)
+    hardest = max(build_path(pieces, limits, hard, stops, cycle).ramps)
     cycles = window(hardest, jerk, t, "path")
-    return way_of(pieces, limits, hard, stops, cycle, Soft(jerk, cycles * t, hardest)), cycles
+    return build_path(pieces, limits, hard, stops, cycle, JerkLimit(jerk, cycles * t, hardest)), cycles
 
 
 def gone(way: Path, cycles: int, velocity: float, t: float, factors: tuple[float, ...] = ()) -> Softly:
@@ -140,10 +147,10 @@ def test_the_limits_of_a_short_corner_apply_before_and_after_it_within_the_mean(
 @pytest.mark.parametrize("hard", [100.0, 5000.0])
 def test_the_jerk_in_a_corner_combines_acceleration_and_turning(turn, hard):
     """At its highest speed and acceleration, and that changing, either way: by differences of its places in a very short time."""
-    soft, t = Soft(2.0 * hard / 0.3, 0.3, hard), 1e-4
-    found = corner((0.0, 0.0), (1.0, 0.0), (math.cos(turn), math.sin(turn)), within=3.0, room=50.0)
+    soft, t = JerkLimit(2.0 * hard / 0.3, 0.3, hard), 1e-4
+    found = corner((0.0, 0.0), (1.0, 0.0), (math.cos(turn), math.sin(turn)), within=3.0, max_trim=50.0)
     assert found is not None
-    part = softened(found, [SpeedZone(0, found.length, 1e9, 1e9)], soft)[0]
+    part = jerk_limited_corner(found, [SpeedZone(0, found.length, 1e9, 1e9)], soft)[0]
     v, times = part.top, [-1.5 * t, -0.5 * t, 0.5 * t, 1.5 * t]
     jerks = []
     for a, j in product(
@@ -158,7 +165,7 @@ def test_the_jerk_in_a_corner_combines_acceleration_and_turning(turn, hard):
 def test_a_mean_without_slower_corners_would_be_more_sudden():
     """The effect of the plan: the same mean over the path without it."""
     pieces, stops = polyline(SQUARE, 3.0)
-    way = way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004))
+    way = build_path(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004))
     trip = gone(way, 50, 120.0, 0.004)
     assert trip.highest(3, 0.004) > 1.4 * 5000.0
 
@@ -166,7 +173,7 @@ def test_a_mean_without_slower_corners_would_be_more_sudden():
 def test_a_higher_jerk_is_never_slower_and_a_very_high_one_is_as_fast_as_no_limit():
     pieces, stops = polyline(SQUARE, 3.0)
     without = gone(
-        way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004)), 1, 120.0, 0.004
+        build_path(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(120.0, 0.004)), 1, 120.0, 0.004
     )
     counts = [
         len(gone(*planned(SQUARE, 3.0, [AxisLimits()] * 2, 120.0, 500.0, jerk, 0.004), 120.0, 0.004).places)

@@ -88,7 +88,7 @@ def test_a_jerk_limited_brake_ends_at_0_and_is_not_replaced_by_another_goal():
         places.append(ramp.led.place)
     assert ramp.t == 0.0
     assert highest([*places, *[places[-1]] * 3], 3) <= 5000.0 * (1 + 1e-9)
-    assert "with 0/s" in ramp.told(0.0)
+    assert "with 0/s" in ramp.as_text(0.0)
 
 
 @settings(deadline=None, derandomize=True, max_examples=200)

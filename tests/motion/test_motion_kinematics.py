@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 from axisbus import CoreXY, Delta, Scara
 from axisbus.ipc.messages import CODEC
 from axisbus.motion.group.kinematic_segment import KinematicSegment, survey
-from axisbus.motion.group.path import CycleVelocity, Soft, way_of
+from axisbus.motion.group.path import CycleVelocity, JerkLimit, build_path
 from axisbus.motion.group.path_builder import arc_through, polyline, window
 from axisbus.motion.group.path_speed import PathSpeed
 from axisbus.motion.group.segments import Straight
-from axisbus.motion.override import FASTER
+from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.motion.parameters import AxisLimits
 
 SAME = settings(deadline=None, derandomize=True)
@@ -102,24 +102,24 @@ def test_on_a_workspace_path_no_axis_exceeds_its_velocity_or_acceleration(machin
         base = [arc_through(*places(machine, rng, 3))]
     else:
         base, stops = polyline(places(machine, rng, rng.choice([2, 4])), rng.choice([0.0, 3.0, 25.0]))
-    pieces = [KinematicSegment(piece, machine) for piece in base]
+    segments = [KinematicSegment(segment, machine) for segment in base]
     try:
-        for piece in pieces:
-            survey(piece)
+        for segment in segments:
+            survey(segment)
     except ValueError:
         return  # a circle may be out of reach
-    axes = len(pieces[0].at(0.0))
+    axes = len(segments[0].at(0.0))
     limits = [
         AxisLimits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
         for _ in range(axes)
     ]
     velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
-    way = way_of(pieces, limits, acceleration, stops, CycleVelocity(velocity, PERIOD))
+    way = build_path(segments, limits, acceleration, stops, CycleVelocity(velocity, PERIOD))
     travel, found = PathSpeed(), [way.at(0.0)]
     travel.begin(way, velocity)
     while travel.t < way.length and len(found) < 20_000:
         if rng.random() < 0.02:
-            travel.factor = rng.choice([0.2, 1.0, FASTER])
+            travel.factor = rng.choice([0.2, 1.0, MAX_OVERRIDE])
         travel.advance(PERIOD)
         found.append(way.at(travel.t))
     assert travel.t == way.length
@@ -136,28 +136,28 @@ def test_softly_neither_the_tool_is_more_sudden_nor_an_axis_faster_or_harder_tha
     """Lines with stops and rounded corners, under an override; the jerk is that of the tool, by the differences of its places."""
     rng = random.Random(seed)
     base, stops = polyline(places(machine, rng, rng.choice([2, 4])), rng.choice([0.0, 3.0, 25.0]))
-    pieces = [KinematicSegment(piece, machine) for piece in base]
-    axes = len(pieces[0].at(0.0))
+    segments = [KinematicSegment(segment, machine) for segment in base]
+    axes = len(segments[0].at(0.0))
     limits = [
         AxisLimits(velocity=rng.choice([90.0, 200.0]), acceleration=rng.choice([400.0, 2000.0]))
         for _ in range(axes)
     ]
     velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
     cycle = CycleVelocity(velocity, PERIOD)
-    hardest = max(way_of(pieces, limits, acceleration, stops, cycle).ramps)
+    hardest = max(build_path(segments, limits, acceleration, stops, cycle).ramps)
     jerk = hardest * rng.choice([4.5, 20.0, 100.0])
     cycles = window(hardest, jerk, PERIOD, "way")
-    soft = Soft(jerk, cycles * PERIOD, hardest, FASTER * velocity)
-    way = way_of(pieces, limits, acceleration, stops, cycle, soft)
+    soft = JerkLimit(jerk, cycles * PERIOD, hardest, MAX_OVERRIDE * velocity)
+    way = build_path(segments, limits, acceleration, stops, cycle, soft)
     travel, found, tool = PathSpeed(), [way.at(0.0)] * 4, [base[0].at(0.0)] * 4
     travel.begin(way, velocity, window=cycles)
     while travel.t < way.length and len(found) < 30_000:
         if rng.random() < 0.02:
-            travel.factor = rng.choice([0.2, 1.0, FASTER])
+            travel.factor = rng.choice([0.2, 1.0, MAX_OVERRIDE])
         travel.advance(PERIOD)
         found.append(way.at(travel.t))
-        piece, gone = way.piece(travel.t)
-        tool.append(piece.base.at(gone))
+        segment, gone = way.segment(travel.t)
+        tool.append(segment.base.at(gone))
     assert travel.t == way.length
     found += [found[-1]] * 3
     tool += [tool[-1]] * 3
@@ -188,10 +188,10 @@ class Bump:
 def test_a_jerk_limited_path_keeps_limits_that_an_axis_reaches_briefly(hard, jerk):
     """It is slow there, and in time before and after: the targets of the axes are a mean."""
     limits, velocity, acceleration = [AxisLimits(velocity=400.0, acceleration=hard)] * 2, 600.0, 1000.0
-    piece = KinematicSegment(Straight((-100.0,), (100.0,), 200.0), Bump())
+    segment = KinematicSegment(Straight((-100.0,), (100.0,), 200.0), Bump())
     cycles = window(acceleration, jerk, PERIOD, "line")
-    soft = Soft(jerk, cycles * PERIOD, acceleration, FASTER * velocity)
-    way = way_of([piece], limits, acceleration, (), CycleVelocity(velocity, PERIOD), soft)
+    soft = JerkLimit(jerk, cycles * PERIOD, acceleration, MAX_OVERRIDE * velocity)
+    way = build_path([segment], limits, acceleration, (), CycleVelocity(velocity, PERIOD), soft)
     travel, found = PathSpeed(), [way.at(0.0)] * 3
     travel.begin(way, velocity, window=cycles)
     while travel.t < way.length:
@@ -217,15 +217,15 @@ def test_a_line_too_near_to_the_centre_is_refused():
 def test_near_stretched_arms_a_line_keeps_the_limits_or_is_refused(beside, length):
     """The arms of 350 mm begin ``beside`` mm from stretched; there the axes' parts of the speed grow without bound."""
     reach = 350.0 - beside
-    piece = KinematicSegment(Straight((reach, 0.0), (reach - length, 0.0), length), ARM)
+    segment = KinematicSegment(Straight((reach, 0.0), (reach - length, 0.0), length), ARM)
     limits = [AxisLimits(velocity=200.0, acceleration=600.0)] * 2
     try:
-        survey(piece)
+        survey(segment)
     except ValueError:
         assert beside <= 1.0
         return
     assert beside > 0.0
-    way = way_of([piece], limits, 400.0, (), CycleVelocity(40.0, 0.002))
+    way = build_path([segment], limits, 400.0, (), CycleVelocity(40.0, 0.002))
     travel, found = PathSpeed(), [way.at(0.0)] * 2
     travel.begin(way, 40.0)
     while travel.t < way.length:
@@ -240,11 +240,13 @@ def test_near_stretched_arms_a_line_keeps_the_limits_or_is_refused(beside, lengt
 
 def test_pieces_cross_to_the_core_as_they_are():
     for machine in (ARM, ROBOT, BELT):
-        piece = KinematicSegment(Straight((1.0, 2.0), (3.0, 4.0), math.sqrt(8.0)), machine)
+        segment = KinematicSegment(Straight((1.0, 2.0), (3.0, 4.0), math.sqrt(8.0)), machine)
         assert (
-            CODEC.unpack(CODEC.pack(way_of([KinematicSegment(piece.base, BELT)], [AxisLimits()] * 2, 10.0)))
-            .pieces[0]
+            CODEC.unpack(
+                CODEC.pack(build_path([KinematicSegment(segment.base, BELT)], [AxisLimits()] * 2, 10.0))
+            )
+            .segments[0]
             .base
-            == piece.base
+            == segment.base
         )
         assert CODEC.unpack(CODEC.pack(machine)) == machine

@@ -7,7 +7,7 @@ import math
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.path import way_of
+from axisbus.motion.group.path import build_path
 from axisbus.motion.group.path_motion import AxisPathShare, PathPosition
 from axisbus.motion.group.segments import Straight
 from axisbus.motion.parameters import AxisLimits
@@ -76,7 +76,7 @@ def test_the_report_of_an_excess_gives_the_position_at_which_the_axis_would_have
 
 
 def test_trapezoids_samples_and_lines_report_how_far_and_how_fast_they_go():
-    way = way_of([Straight((5.0,), (-3.0,), 1.0)], [AxisLimits(velocity=4.5)], 2.0)
+    way = build_path([Straight((5.0,), (-3.0,), 1.0)], [AxisLimits(velocity=4.5)], 2.0)
     line = AxisPathShare(PathPosition(way, 0.0, (5.0,)), 0, 0.5)
     known = [
         TrapezoidalTrajectory(4.0, -2.0, 3.0, 10.0),

@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.motion.moves.mode_exit import PathExit
 from axisbus.motion.parameters import AxisLimits
-from axisbus.motion.position_limits import Room
+from axisbus.motion.position_limits import PositionRange
 from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.motion.plant_recorder import Watch
@@ -19,7 +19,7 @@ BOUNDED = AxisLimits(position=(-100.0, 100.0), velocity=400.0, acceleration=4000
 
 
 def path() -> SimpleNamespace:
-    return SimpleNamespace(at_rest=False, last_step=(0.0, 0.0), room=Room(-100.0, 100.0))
+    return SimpleNamespace(at_rest=False, last_step=(0.0, 0.0), room=PositionRange(-100.0, 100.0))
 
 
 def answers(steps, down: float = 40.0, soft: float = 0.0) -> list[bool]:

@@ -122,4 +122,4 @@ def test_a_jerk_limited_brake_stops_the_walk():
     assert walk.t == 0.0
     assert highest(places, 3) <= 2.0 * 500.0 / 0.2
     assert len(places) == 4 + 200 + 50 + 49
-    assert "on its way to 400" in walk.told(0.0)
+    assert "on its way to 400" in walk.as_text(0.0)

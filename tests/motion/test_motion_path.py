@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from axisbus.motion.group.path import CycleVelocity, Path, way_of
+from axisbus.motion.group.path import CycleVelocity, Path, build_path
 from axisbus.motion.group.path_builder import arc_about, arc_through, polyline
 from axisbus.motion.group.path_motion import AxisPathShare, PathPosition
 from axisbus.motion.group.path_speed import PathSpeed
@@ -66,7 +66,7 @@ def test_a_corner_joins_its_lines_within_the_tolerance(three, within):
     if min(came, goes) < 1e-3:
         return
     try:
-        found = corner(tip, into, out, within=within, room=min(came, goes))
+        found = corner(tip, into, out, within=within, max_trim=min(came, goes))
     except ValueError:
         return
     if found is None or found.angle < 1e-6:
@@ -86,9 +86,9 @@ def test_a_corner_joins_its_lines_within_the_tolerance(three, within):
 
 
 def test_without_a_turn_there_is_no_corner_and_a_reversal_cannot_be_rounded():
-    assert corner((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), within=1.0, room=1.0) is None
+    assert corner((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), within=1.0, max_trim=1.0) is None
     with pytest.raises(ValueError, match="a reversal of the path"):
-        corner((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), within=1.0, room=1.0)
+        corner((0.0, 0.0), (1.0, 0.0), (-1.0, 0.0), within=1.0, max_trim=1.0)
 
 
 # Arcs.
@@ -106,7 +106,7 @@ def test_arcs_by_hand():
     assert once.at(once.length) == pytest.approx((10.0, 0.0))
     tilted = arc_through((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (-1.0, 0.0, 0.0))
     assert (tilted.angle, tilted.radius) == pytest.approx((math.pi, 1.0))
-    assert tilted.shares == pytest.approx((1.0, 0.0, 1.0))
+    assert tilted.speed_ratios == pytest.approx((1.0, 0.0, 1.0))
 
 
 @SAME
@@ -171,7 +171,7 @@ def test_a_path_is_one_piece_without_gaps_from_its_first_point_to_its_last(place
         assert before.at(before.length) == pytest.approx(after.at(0.0), abs=1e-6)
     assert pieces[0].at(0.0) == pytest.approx(places[0], abs=1e-6)
     assert pieces[-1].at(pieces[-1].length) == pytest.approx(places[-1], abs=1e-6)
-    walked = seen(way_of(pieces, [AxisLimits()] * len(places[0]), 100.0), 20_000)
+    walked = seen(build_path(pieces, [AxisLimits()] * len(places[0]), 100.0), 20_000)
     for place in places:
         reach = blend + 1e-6 + sum(piece.length for piece in pieces) / 20_000
         assert min(math.dist(place, other) for other in walked) <= reach
@@ -227,7 +227,7 @@ def test_no_axis_exceeds_its_limits_for_any_override(
 ):
     pieces, stops = polyline(places, blend)
     axes = limits(len(places[0]), kind)
-    way = way_of(pieces, axes, acceleration, stops)
+    way = build_path(pieces, axes, acceleration, stops)
     trip = Trip(way, velocity, period, factors)
     noise = 1e-9 / period**2
     for number, limit in enumerate(axes):
@@ -239,7 +239,7 @@ def test_no_axis_exceeds_its_limits_for_any_override(
 
 def square(blend: float, acceleration: float = 500.0) -> Path:
     pieces, stops = polyline([(0.0, 0.0), (40.0, 0.0), (40.0, 40.0), (0.0, 40.0)], blend)
-    return way_of(pieces, [AxisLimits()] * 2, acceleration, stops)
+    return build_path(pieces, [AxisLimits()] * 2, acceleration, stops)
 
 
 def test_the_velocity_is_kept_through_corners_that_are_wide_enough_for_it():
@@ -252,7 +252,7 @@ def test_the_velocity_is_kept_through_corners_that_are_wide_enough_for_it():
 
 
 def test_a_path_takes_the_time_of_its_trapezoid():
-    way = way_of([Straight((0.0,), (90.0,), 90.0)], [AxisLimits()], 500.0)
+    way = build_path([Straight((0.0,), (90.0,), 90.0)], [AxisLimits()], 500.0)
     trip = Trip(way, 100.0, 0.01, [])
     assert (len(trip.speeds) - 1) * 0.01 == pytest.approx(1.1, abs=0.011)  # 0.2 up, 0.7 along, 0.2 down
     assert max(trip.speeds) == 100.0
@@ -262,7 +262,7 @@ def test_a_path_takes_the_time_of_its_trapezoid():
 @pytest.mark.parametrize("unit", [1.0, None])
 def test_the_shortest_path_is_completed_within_some_cycles(length, unit):
     size = length if unit is None else unit  # a line is one of length 1, however short it is
-    way = way_of([Straight((0.0,), (length,), size)], [AxisLimits()], 5000.0 * size / length)
+    way = build_path([Straight((0.0,), (length,), size)], [AxisLimits()], 5000.0 * size / length)
     travel = PathSpeed()
     travel.begin(way, 100.0 * size / length)
     for _ in range(5):
@@ -289,7 +289,7 @@ def test_a_held_motion_stops_on_its_path_and_continues():
 
 
 def test_braking_takes_the_distance_of_its_speed_and_is_not_scaled_by_an_override():
-    way = way_of([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
+    way = build_path([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
     ends = []
     for factor in (1.0, 1.5, 0.5):
         travel = PathSpeed()
@@ -316,7 +316,7 @@ def test_a_path_can_be_continued_from_its_interruption():
 @pytest.mark.parametrize("window", [2, 5, 40])
 @pytest.mark.parametrize("length", [0.5, 30.0, 400.0])
 def test_a_mean_of_some_cycles_limits_the_jerk_and_reaches_the_same_end(window, length):
-    way = way_of([Straight((0.0,), (length,), length)], [AxisLimits()], 500.0)
+    way = build_path([Straight((0.0,), (length,), length)], [AxisLimits()], 500.0)
     travel, places, chance = PathSpeed(), [0.0], random.Random(window)
     travel.begin(way, 100.0, 0.0, window)
     while travel.t < length:
@@ -344,15 +344,15 @@ def differences(values: list[float], order: int, period: float) -> list[float]:
 def test_a_continuation_must_be_slow_enough_if_its_section_ends_within_the_cycle(left, fits):
     """Within a cycle it could stop, but the section ends before, with a corner that is slower."""
     travel, period, ramp = PathSpeed(), 0.01, 2200.0
-    straight = way_of([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [AxisLimits()] * 2, ramp)
+    straight = build_path([Straight((0.0, 0.0), (10.0, 0.0), 10.0)], [AxisLimits()] * 2, ramp)
     travel.begin(straight, 20.8, 0.0)
     travel.speed, travel._ahead = 20.8, 10.0 - left
-    slow = replace(straight, leaves=(2.1,))
+    slow = replace(straight, max_exit_speeds=(2.1,))
     assert travel.fits(slow, period) is fits
 
 
 def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_reached_the_path():
-    way = way_of([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
+    way = build_path([Straight((0.0,), (900.0,), 900.0)], [AxisLimits()], 500.0)
     travel = PathSpeed()
     travel.begin(way, 100.0, 0.0, 10)
     for _ in range(100):
@@ -370,7 +370,7 @@ def test_a_halt_under_a_limit_of_jerk_ends_once_the_mean_has_reached_the_path():
 
 
 def test_a_path_ends_for_any_given_end():
-    way = replace(square(1.0), leaves=(9.0,) * len(square(1.0).leaves))
+    way = replace(square(1.0), max_exit_speeds=(9.0,) * len(square(1.0).max_exit_speeds))
     travel = PathSpeed()
     travel.begin(way, 30.0)
     for _ in range(3000):
@@ -396,7 +396,7 @@ def test_an_initial_deviation_of_the_axes_is_removed_along_the_path():
 def test_no_cycle_passes_more_stretches_than_the_limit():
     dense = [(30.0 * math.sin(k / 100), 0.003 * k) for k in range(3000)]
     pieces, stops = polyline(dense, 0.0005)
-    way = way_of(pieces, [AxisLimits()] * 2, 5000.0, stops, CycleVelocity(500.0, 0.004))
+    way = build_path(pieces, [AxisLimits()] * 2, 5000.0, stops, CycleVelocity(500.0, 0.004))
     travel, most = PathSpeed(), 0
     travel.begin(way, 500.0)
     while travel.t < way.length:
@@ -409,10 +409,11 @@ def test_no_cycle_passes_more_stretches_than_the_limit():
 def test_a_corner_has_no_more_sections_than_a_cycle_can_use():
     pieces, stops = polyline([(0.0, 0.0), (40.0, 0.0), (40.0, 40.0)], 1.0)
     counts = [
-        len(way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(velocity, 0.004)).tops) - 2
+        len(build_path(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(velocity, 0.004)).max_speeds)
+        - 2
         for velocity in (1.0, 30.0, 1000.0)
     ]
     assert counts[0] == 12
     assert 12 >= counts[1] >= counts[2] > 1
-    coarse = way_of(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(1000.0, 0.5))
-    assert len(coarse.tops) == 3
+    coarse = build_path(pieces, [AxisLimits()] * 2, 500.0, stops, CycleVelocity(1000.0, 0.5))
+    assert len(coarse.max_speeds) == 3

@@ -12,12 +12,12 @@ from hypothesis import strategies as st
 
 from axisbus.errors import LimitError
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.point_stream.commands import Span
+from axisbus.motion.point_stream.commands import StreamSegment
 from axisbus.motion.point_stream.curve_fit import (
     SHARE,
-    Allowed,
     CurveFit,
     Motion,
+    StreamLimits,
     StreamPoint,
     at,
     coefficients,
@@ -25,12 +25,12 @@ from axisbus.motion.point_stream.curve_fit import (
     derived,
     reach,
 )
-from axisbus.motion.point_stream.stream import PatientGate, StreamTimeline, StreamTravel
+from axisbus.motion.point_stream.stream import StreamStartBarrier, StreamTimeline, StreamTravel
 
 VALUES = st.floats(-100.0, 100.0)
 MOTIONS = st.builds(Motion, VALUES, VALUES, VALUES)
 HARDEST, FASTEST, BRAKING = 2000.0, 400.0, 500.0
-MAY = Allowed("deg", (-200.0, 200.0), FASTEST, HARDEST, "max_acceleration", BRAKING)
+MAY = StreamLimits("deg", (-200.0, 200.0), FASTEST, HARDEST, "max_acceleration", BRAKING)
 PERIOD = 0.004
 
 
@@ -60,30 +60,30 @@ def test_the_reach_of_a_span_is_the_range_of_its_curve(begin, end, seconds):
     assert min(speeds) - 1e-2 <= min(found) <= max(found) <= max(speeds) + 1e-2
 
 
-def joined(points) -> list[Span]:
+def joined(points) -> list[StreamSegment]:
     joining = CurveFit({"x": MAY}, "x.stream")
-    spans = [joining.take(StreamPoint(t, (x,))) for t, x in points]
-    return [span for span in [*spans, joining.end()] if span is not None]
+    segments = [joining.take(StreamPoint(t, (x,))) for t, x in points]
+    return [segment for segment in [*segments, joining.end()] if segment is not None]
 
 
 def test_a_joined_stream_meets_its_points_without_a_jump_in_position_velocity_or_acceleration():
     times = [0.02 * n + (0.004 if n % 2 else 0.0) for n in range(60)]
-    spans = joined((t, 30.0 * math.sin(4.0 * t)) for t in times)
-    assert [span.seconds for span in spans] == pytest.approx([b - a for a, b in pairwise(times)])
-    for one, other in pairwise(spans):
+    segments = joined((t, 30.0 * math.sin(4.0 * t)) for t in times)
+    assert [segment.seconds for segment in segments] == pytest.approx([b - a for a, b in pairwise(times)])
+    for one, other in pairwise(segments):
         ends = changes(one.curves[0], one.seconds, 1e-4), changes(other.curves[0], 0.0, 1e-4)
         assert ends[0] == pytest.approx(ends[1], rel=1e-3, abs=0.05)
-    for t, span in zip(times, spans, strict=False):
-        assert at(span.curves[0], 0.0) == pytest.approx(30.0 * math.sin(4.0 * t))
+    for t, segment in zip(times, segments, strict=False):
+        assert at(segment.curves[0], 0.0) == pytest.approx(30.0 * math.sin(4.0 * t))
         for n in range(5):
-            there = at(span.curves[0], span.seconds * n / 4)
-            assert there == pytest.approx(30.0 * math.sin(4.0 * (t + span.seconds * n / 4)), abs=0.005)
+            there = at(segment.curves[0], segment.seconds * n / 4)
+            assert there == pytest.approx(30.0 * math.sin(4.0 * (t + segment.seconds * n / 4)), abs=0.005)
 
 
 @pytest.mark.parametrize("path", [lambda t: 7.0 - 50.0 * t, lambda t: 100.0 * t * t])
 def test_straight_lines_and_constant_accelerations_are_unchanged(path):
-    for number, span in enumerate(joined((0.01 * n, path(0.01 * n)) for n in range(9))):
-        assert at(span.curves[0], 0.004) == pytest.approx(path(0.01 * number + 0.004))
+    for number, segment in enumerate(joined((0.01 * n, path(0.01 * n)) for n in range(9))):
+        assert at(segment.curves[0], 0.004) == pytest.approx(path(0.01 * number + 0.004))
 
 
 def test_a_rejected_point_changes_nothing():
@@ -121,18 +121,18 @@ def test_a_point_from_which_the_axis_could_not_brake_in_time_is_refused():
             joining.take(StreamPoint(0.01 * number, (3.0 * 0.01 * number * 50.0,)))
 
 
-def random_spans(rnd: random.Random) -> list[Span]:
+def random_spans(rnd: random.Random) -> list[StreamSegment]:
     """The spans of accepted points, some of them near the limits."""
-    joining, spans, t = CurveFit({"x": MAY}, "x.stream"), [], 0.0
+    joining, segments, t = CurveFit({"x": MAY}, "x.stream"), [], 0.0
     size, pulse = rnd.uniform(1.0, 60.0), rnd.uniform(0.5, 12.0)
     for _ in range(rnd.randint(2, 120)):
         grown = min(t / 0.5, 1.0) ** 3 * (10.0 - 15.0 * min(t / 0.5, 1.0) + 6.0 * min(t / 0.5, 1.0) ** 2)
         try:
-            spans.append(joining.take(StreamPoint(t, (size * grown * math.sin(pulse * t),))))
+            segments.append(joining.take(StreamPoint(t, (size * grown * math.sin(pulse * t),))))
         except LimitError:
             break
         t += PERIOD * rnd.choice([0.13, 0.5, 1.0, 1.0, 2.7, 9.0])
-    return [span for span in [*spans, joining.end()] if span is not None]
+    return [segment for segment in [*segments, joining.end()] if segment is not None]
 
 
 @settings(max_examples=150, deadline=None, derandomize=True)
@@ -140,16 +140,16 @@ def random_spans(rnd: random.Random) -> list[Span]:
 def test_late_points_halts_and_overrides_never_exceed_the_limits_of_an_axis(seed):
     """Spans come in bursts, late and not at all; it is halted, and slowed by an override. The last place is the end."""
     rnd = random.Random(seed)
-    spans, course, travel = random_spans(rnd), StreamTimeline(), StreamTravel()
-    if not spans:
+    segments, course, travel = random_spans(rnd), StreamTimeline(), StreamTravel()
+    if not segments:
         return
-    course.add(spans.pop(0))
+    course.add(segments.pop(0))
     travel.begin(course, 1.0)
-    places, cycles = [course.place(0.0)[0]] * 3, 0
-    while spans or travel.t < course.length:
+    places, cycles = [course.coordinates(0.0)[0]] * 3, 0
+    while segments or travel.t < course.length:
         for _ in range(rnd.choice([0, 0, 1, 1, 2, 40])):
-            if spans:
-                course.add(spans.pop(0))
+            if segments:
+                course.add(segments.pop(0))
         if rnd.random() < 0.01:
             travel.factor = rnd.choice([0.0, 0.3, 1.0, 1.5])
         if rnd.random() < 0.003:
@@ -161,8 +161,8 @@ def test_late_points_halts_and_overrides_never_exceed_the_limits_of_an_axis(seed
         course.forget(course.number(travel.t) - 2)
         assert before <= travel.t <= course.length + 1e-9
         assert travel.t - before <= PERIOD + 1e-9
-        assert course.waiting <= len(spans) + 500
-        places.append(course.place(travel.t)[0])
+        assert course.waiting <= len(segments) + 500
+        places.append(course.coordinates(travel.t)[0])
         cycles += 1
         assert cycles < 100_000
     places += [places[-1]] * 3
@@ -170,14 +170,14 @@ def test_late_points_halts_and_overrides_never_exceed_the_limits_of_an_axis(seed
     rates = [(b - a) / PERIOD for a, b in pairwise(speeds)]
     assert max(map(abs, speeds)) <= FASTEST * 1.0001
     assert max(map(abs, rates)) <= HARDEST * 1.0001 + 1e-3
-    assert places[-1] == pytest.approx(course.place(course.length)[0])
+    assert places[-1] == pytest.approx(course.coordinates(course.length)[0])
 
 
 def test_a_pace_stays_that_of_the_points_while_enough_is_known():
     """Also over spans whose ramps differ by powers of ten, and that are shorter than a cycle."""
     course, travel = StreamTimeline(), StreamTravel()
     for number in range(400):
-        course.add(Span(0.0011, 10.0 ** (number % 5), ((float(number), 0.0, 0.0, 0.0, 0.0, 0.0),)))
+        course.add(StreamSegment(0.0011, 10.0 ** (number % 5), ((float(number), 0.0, 0.0, 0.0, 0.0, 0.0),)))
     travel.begin(course, 1.0)
     before = 0.0
     while travel.t < 0.25:
@@ -191,8 +191,12 @@ def test_a_pace_stays_that_of_the_points_while_enough_is_known():
 @pytest.mark.parametrize("seconds", [0.1, 1.0, 0.7, 1 / 3, 12.345])
 def test_a_stream_at_rest_reaches_its_end_exactly_for_any_ramp(period, seconds):
     course, travel, still = StreamTimeline(), StreamTravel(), ((0.0,) * 6,)
-    for span in (Span(period, 1e4, still), Span(seconds, 25.0, still), Span(period, 1e4, still)):
-        course.add(span)
+    for segment in (
+        StreamSegment(period, 1e4, still),
+        StreamSegment(seconds, 25.0, still),
+        StreamSegment(period, 1e4, still),
+    ):
+        course.add(segment)
     travel.begin(course, 1.0)
     for _ in range(round(seconds / period) + 4):
         travel.advance(period)
@@ -210,16 +214,16 @@ def test_the_axes_may_use_four_fifths_of_their_acceleration():
 
 
 def test_a_start_barrier_with_a_condition_opens_when_all_are_there_and_it_holds():
-    for gate, opens in ((StartBarrier(), True), (PatientGate(), False)):
-        for comer in ("x", "y"):
-            gate.pass_through(comer)
+    for gate, opens in ((StartBarrier(), True), (StreamStartBarrier(), False)):
+        for waiting in ("x", "y"):
+            gate.pass_through(waiting)
         gate.update(2)
         assert gate.is_open is opens
     gate.may_open = True
     gate.pass_through("x")
     gate.update(2)
     assert not gate.is_open
-    for comer in ("x", "y"):
-        gate.pass_through(comer)
+    for waiting in ("x", "y"):
+        gate.pass_through(waiting)
     gate.update(2)
     assert gate.is_open

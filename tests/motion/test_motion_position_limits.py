@@ -16,13 +16,13 @@ from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.parameters import AxisLimits, Defaults, HomingParameters
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.position_limits import (
-    Room,
+    PositionRange,
     allowed_end,
     braking,
+    count_range,
     narrowed,
-    rest,
-    room_of_count,
-    room_of_way,
+    path_range,
+    rest_position,
     steps_to_rest,
     widened,
 )
@@ -79,7 +79,7 @@ def test_a_room_that_follows_a_motion_never_becomes_wider_and_never_smaller_than
 
 @given(st.floats(0.0, 60.0), st.floats(-200.0, 200.0), st.floats(10.0, 500.0), st.floats(0.0, 5000.0))
 def test_a_brake_is_no_harder_than_its_room_needs_and_than_it_may_be(position, velocity, usual, more):
-    room, hardest = Room(*LIMITS), usual + more
+    room, hardest = PositionRange(*LIMITS), usual + more
     found = braking(room, position, velocity, usual, hardest, PERIOD)
     assert usual <= found <= hardest
     stop = steps_to_rest(position, velocity, found, PERIOD)[-1]
@@ -100,20 +100,20 @@ def test_the_velocity_of_a_brake_falls_by_its_deceleration_in_each_cycle(velocit
 
 
 def test_a_path_that_begins_at_a_limit_may_return_to_it():
-    assert room_of_way(LIMITS, 30.0, 0.004, 0.001) == LIMITS
-    assert room_of_way(LIMITS, -0.002, 0.004, 0.001) == pytest.approx((-0.003, 60.001))
-    assert room_of_way(LIMITS, -0.005, 0.004, 0.001) == LIMITS
+    assert path_range(LIMITS, 30.0, 0.004, 0.001) == LIMITS
+    assert path_range(LIMITS, -0.002, 0.004, 0.001) == pytest.approx((-0.003, 60.001))
+    assert path_range(LIMITS, -0.005, 0.004, 0.001) == LIMITS
 
 
 @pytest.mark.parametrize("lap", [0, 1, -3])
 def test_the_range_of_the_count_ends_just_before_the_wrap_of_the_drive(lap):
-    room, low, high = room_of_count(lap * 2**32 + 17), lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1
+    room, low, high = count_range(lap * 2**32 + 17), lap * 2**32 - 2**31, lap * 2**32 + 2**31 - 1
     assert room == (low + 10, high - 10)
-    assert room_of_count(int(room.low)) == room_of_count(int(room.high)) == room
+    assert count_range(int(room.low)) == count_range(int(room.high)) == room
     # An axis that is nearer to an end may stay there, and return.
-    assert room_of_count(low + 3) == (low + 3, room.high)
-    assert room_of_count(high) == (room.low, high)
-    assert room_of_count(high + 1) == (high + 1, room.high + 2**32)
+    assert count_range(low + 3) == (low + 3, room.high)
+    assert count_range(high) == (room.low, high)
+    assert count_range(high + 1) == (high + 1, room.high + 2**32)
 
 
 # Back into the limits, from a position that wanders at a limit, and from beyond it.
@@ -411,7 +411,7 @@ def test_a_path_that_is_braked_is_no_harder_than_its_deceleration(period, after,
 
 @given(st.floats(1.0, 300.0), st.floats(10.0, 3000.0), st.floats(-100.0, 100.0))
 def test_the_computed_stop_is_the_end_of_the_braked_path(velocity, deceleration, position):
-    stop = rest(position, velocity, deceleration)
+    stop = rest_position(position, velocity, deceleration)
     path = ProfileFromSpeed(Start(position, velocity), stop, velocity, deceleration, deceleration)
     assert path.position(path.duration + 1.0) == stop
     assert path.span[1] == pytest.approx(stop)

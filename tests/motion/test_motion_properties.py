@@ -152,7 +152,7 @@ def test_a_line_is_straight_and_keeps_every_axis_s_limits(rows, velocity, accele
         return
     for number, name in enumerate(names):
         far, limits = abs(ends[name] - starts[name]), axes[name].limits
-        assert min(speed, *way.tops) * far <= min(velocity, limits.velocity or math.inf) * (1 + 1e-9)
+        assert min(speed, *way.max_speeds) * far <= min(velocity, limits.velocity or math.inf) * (1 + 1e-9)
         assert way.accelerations[number] <= min(acceleration, limits.acceleration or math.inf) * (1 + 1e-9)
     third = way.at(way.length / 3)
     parts = [

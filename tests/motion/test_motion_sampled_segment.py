@@ -14,12 +14,12 @@ from axisbus.errors import LimitError
 from axisbus.ipc.messages import CODEC
 from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter
 from axisbus.machine.user_kinematics.sampling import Sampling
-from axisbus.motion.group.path import CycleVelocity, way_of
+from axisbus.motion.group.path import CycleVelocity, build_path
 from axisbus.motion.group.path_builder import arc_through, polyline
 from axisbus.motion.group.path_speed import PathSpeed
-from axisbus.motion.group.sampled_segment import surveyed, tabled
+from axisbus.motion.group.sampled_segment import sampled_segment_of, surveyed
 from axisbus.motion.group.segments import Straight
-from axisbus.motion.override import FASTER
+from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.motion.parameters import AxisLimits
 from axisbus.motion.point_stream.curve_fit import Motion
 
@@ -54,7 +54,7 @@ def axes(count, increment=0.01):
 def sampled(machine, base, stops=(), increment=0.01):
     start = machine.inverse(base[0].at(0.0))
     own = UserKinematicsAdapter(Plugged(machine), axes(len(start), increment), None)
-    return Sampling(own, base, stops, start, "a.move_path").tables()
+    return Sampling(own, base, stops, start, "a.move_path").sampled_segments()
 
 
 def places(machine, rng, count):
@@ -92,12 +92,12 @@ def test_a_tabled_path_stays_on_the_path_and_within_the_limits_of_the_axes(machi
         for _ in range(count)
     ]
     velocity, acceleration = rng.choice([50.0, 400.0]), rng.choice([300.0, 3000.0])
-    way = way_of(pieces, limits, acceleration, stops, CycleVelocity(velocity, PERIOD))
+    way = build_path(pieces, limits, acceleration, stops, CycleVelocity(velocity, PERIOD))
     travel, found = PathSpeed(), [way.at(0.0)]
     travel.begin(way, velocity)
     while travel.t < way.length and len(found) < 40_000:
         if rng.random() < 0.02:
-            travel.factor = rng.choice([0.2, 1.0, FASTER])
+            travel.factor = rng.choice([0.2, 1.0, MAX_OVERRIDE])
         travel.advance(PERIOD)
         found.append(way.at(travel.t))
     assert travel.t == way.length
@@ -143,22 +143,22 @@ def test_a_tabled_path_is_as_fine_as_the_increments(increment):
 
 def test_the_bounds_of_a_section_cover_more_than_its_samples():
     rows = [(Motion(0.0, 3.0, 0.0),), (Motion(0.0, 3.0, 0.0),)]  # there and back between two samples
-    piece = tabled(2.0, rows, (0.0,))
+    piece = sampled_segment_of(2.0, rows, (0.0,))
     (part,) = surveyed(piece)
     values = [piece.at(2.0 * n / 200)[0] for n in range(201)]
     assert part.low[0] <= min(values) < -0.2
     assert part.high[0] >= max(values) > 0.2
-    assert part.shares[0] >= 3.0
-    assert part.bends[0] > 1.0
+    assert part.speed_ratios[0] >= 3.0
+    assert part.acceleration_ratios[0] > 1.0
 
 
 def test_a_segment_of_no_length_is_constant_and_segments_are_transferred_unchanged():
     here = [(Motion(1.0, 0.0, 0.0), Motion(2.0, 0.0, 0.0))] * 3
-    still = tabled(0.0, here, (0.0,))
+    still = sampled_segment_of(0.0, here, (0.0,))
     assert still.at(0.0) == still.at(1.0) == (1.0, 2.0)
     assert still.box == ((1.0, 2.0), (1.0, 2.0))
     (piece,) = sampled(ARM, [Straight((200.0, 150.0), (150.0, -220.0), 373.3630940518894)])
-    way = way_of([piece], [AxisLimits()] * 2, 10.0)
+    way = build_path([piece], [AxisLimits()] * 2, 10.0)
     assert CODEC.unpack(CODEC.pack(way)) == way
     assert piece.at(-1.0) == piece.at(0.0)
     assert piece.at(1e9) == pytest.approx(piece.at(piece.length))
@@ -169,7 +169,7 @@ def test_a_section_of_many_intervals_has_their_highest_values():
         (Motion(math.sin(0.3 * n), 0.3 * math.cos(0.3 * n), -0.09 * math.sin(0.3 * n)),) for n in range(101)
     ]
     curved = tuple(0.01 * n for n in range(100))
-    found = surveyed(tabled(100.0, rows, curved))
+    found = surveyed(sampled_segment_of(100.0, rows, curved))
     assert len(found) == 34
     assert sum(part.length for part in found) == pytest.approx(100.0)
     for number, part in enumerate(found):
@@ -178,8 +178,8 @@ def test_a_section_of_many_intervals_has_their_highest_values():
         assert part.low[0] <= min(map(math.sin, near)) + 1e-3
         assert part.high[0] >= max(map(math.sin, near)) - 1e-3
         for bound, values in (
-            (part.shares, [0.3 * math.cos(t) for t in near]),
-            (part.bends, [0.09 * math.sin(t) for t in near]),
+            (part.speed_ratios, [0.3 * math.cos(t) for t in near]),
+            (part.acceleration_ratios, [0.09 * math.sin(t) for t in near]),
         ):
             highest = max(map(abs, values))
             assert highest - 2e-3 <= bound[0] <= 1.1 * highest + 2e-3

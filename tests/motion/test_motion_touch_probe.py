@@ -135,7 +135,7 @@ def test_a_counted_latch_never_pairs_a_position_with_the_count_of_another(looks)
         gaps = iter([*edges, *edges, *edges])
         while not latch.over:
             count += next(gaps, 0)
-            value = count & 0xFFFF if latch.wanted == 0x60D5 else 100 * count
+            value = count & 0xFFFF if latch.next_object == 0x60D5 else 100 * count
             found = latch.take(value)
             if found is not None:
                 told.append(found.raw // 100)

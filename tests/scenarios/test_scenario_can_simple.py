@@ -18,7 +18,7 @@ from axisbus.drives.gim6010.core import part
 from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
-from axisbus.machine.stop_external import stop_beside
+from axisbus.machine.stop_external import stop_on_bus
 from axisbus.motion.states import AxisState
 from kit.can_simple.mixed_cell import MODULE, RESTS, served, stay, write
 from kit.scenarios.simulated_bus import enable, until
@@ -186,7 +186,7 @@ def test_a_stop_beside_a_running_master_persists(tmp_path, stop, monkeypatch):
             enable(axis)
         machine["x"].move_relative(1e5, velocity=90.0)
         machine["m"].move_velocity(90.0).wait(10)
-        found = {each.axis: each for each in stop_beside(reader.load(plants.file))}
+        found = {each.axis: each for each in stop_on_bus(reader.load(plants.file))}
         assert all(each.ok for each in found.values()), found
         assert plants.rest(1.0)
         until(lambda: machine["x"].state is AxisState.ERRORSTOP)

@@ -9,7 +9,7 @@ import time
 import pytest
 
 from axisbus.cell import reader
-from axisbus.machine.stop_external import stop_beside
+from axisbus.machine.stop_external import stop_on_bus
 from kit.can_simple.mixed_cell import RESTS, TURNS, Doomed, served, stay
 from kit.scenarios.core_process import OWN_PROCESS
 
@@ -99,7 +99,7 @@ def test_a_module_continues_after_its_program_and_core_are_killed_until_axisbus_
         one.strike("program", signal.SIGKILL)
         time.sleep(0.7)
         assert plants.module.shaft.speed == pytest.approx(TURNS, abs=0.1)
-        found = {each.axis: each for each in stop_beside(reader.load(plants.file))}
+        found = {each.axis: each for each in stop_on_bus(reader.load(plants.file))}
         assert plants.rest(1.0)
         assert all(each.ok for each in found.values()), found
         assert found["m"].text == "stands, without power"

@@ -24,7 +24,7 @@ from axisbus.cia301.nmt import NmtCommand
 from axisbus.eds.builtin import resolve
 from axisbus.errors import AxisbusError, SecondMasterError
 from axisbus.machine.machine import Machine
-from axisbus.machine.stop_external import stop_beside
+from axisbus.machine.stop_external import stop_on_bus
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.node.network import StandIns
@@ -127,7 +127,7 @@ def _close(bench: Bench, machine: Machine) -> bool:
 
 
 def _beside(bench: Bench, machine: Machine) -> bool:
-    return all(result.ok for result in stop_beside(reader.load(bench.file)))
+    return all(result.ok for result in stop_on_bus(reader.load(bench.file)))
 
 
 def _scan_fails(bench: Bench, machine: Machine) -> bool:
@@ -230,7 +230,7 @@ def test_an_axis_in_boot_is_reached_by_axisbus_stop(bench: Bench) -> None:
     booting.start()
     time.sleep(0.3)
     assert booting.is_alive()
-    assert all(result.ok for result in stop_beside(reader.load(bench.file)))
+    assert all(result.ok for result in stop_on_bus(reader.load(bench.file)))
     assert bench.speed < AT_REST
     booting.join(ENDS)
     assert isinstance(ended[0], SecondMasterError)

@@ -9,7 +9,7 @@ import pytest
 from axisbus import TrajectoryPoint
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, StateError, Stopped
 from axisbus.motion.point_stream.curve_fit import at, coefficients
-from axisbus.motion.point_stream.timed import way_of
+from axisbus.motion.point_stream.timed import timed_segments
 from axisbus.motion.states import AxisState
 from kit.cell import Cell
 
@@ -61,11 +61,11 @@ def test_the_curve_has_the_given_values_and_does_not_overshoot_positions():
         TrajectoryPoint(3, (11,)),
         TrajectoryPoint(4, (2,)),
     ]
-    way = way_of(points, (0.0,), 0.01, "it")[1:-1]
+    way = timed_segments(points, (0.0,), 0.01, "it")[1:-1]
     for one in way:
         curve = coefficients(one.from_[0], one.to[0], one.seconds)
         places = [at(curve, one.seconds * n / 100) for n in range(101)]
-        low, high = sorted((one.begin.place[0], one.end.place[0]))
+        low, high = sorted((one.begin.positions[0], one.end.positions[0]))
         assert low - 1e-9 <= min(places) <= max(places) <= high + 1e-9
     speeds = [(one.from_[0].speed, one.to[0].speed) for one in way]
     assert [a[1] for a in speeds[:-1]] == [b[0] for b in speeds[1:]]  # no speed jumps
@@ -75,7 +75,7 @@ def test_the_curve_has_the_given_values_and_does_not_overshoot_positions():
         0.0,
     )  # at standstill at both ends, and where it turns
     full = [TrajectoryPoint(1, (10,), (3,), (4,)), TrajectoryPoint(2, (12,), (0,), (-1,))]
-    (_, first, last, _) = way_of(full, (0.0,), 0.01, "it")
+    (_, first, last, _) = timed_segments(full, (0.0,), 0.01, "it")
     assert (first.from_[0], first.to[0], last.to[0]) == ((0, 0, 0), (10, 3, 4), (12, 0, -1))
 
 

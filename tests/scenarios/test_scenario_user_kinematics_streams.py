@@ -11,8 +11,8 @@ import pytest
 from axisbus import Scara
 from axisbus.errors import ArgumentError, LimitError, StateError, Stopped
 from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter
-from axisbus.machine.user_kinematics.point_solver import PlaceJoining
-from axisbus.motion.point_stream.curve_fit import Allowed, StreamPoint, at
+from axisbus.machine.user_kinematics.point_solver import WorkspaceCurveFit
+from axisbus.motion.point_stream.curve_fit import StreamLimits, StreamPoint, at
 from kit.cell import SCALE
 
 AXIS = "max_acceleration = 4000.0"
@@ -122,10 +122,10 @@ def test_turns_are_counted_from_the_previous_solution(scenario):
 @pytest.mark.parametrize("refused", [0, 1, 20])
 def test_the_spans_of_a_stream_join_after_any_refused_point(refused):
     """By spans alone: a solution that is forgotten would be looked for from the beginning, a turn off."""
-    axes = {name: Allowed("deg", None, 400.0, 4000.0, "max_acceleration", 4000.0) for name in "xy"}
+    axes = {name: StreamLimits("deg", None, 400.0, 4000.0, "max_acceleration", 4000.0) for name in "xy"}
     own = UserKinematicsAdapter(Turntable(), {}, 0.05)
     own.inverse = Turntable().inverse
-    joining = PlaceJoining(own, axes, lambda: (0.0, 0.0), "stream")
+    joining = WorkspaceCurveFit(own, axes, lambda: (0.0, 0.0), "stream")
     ends = [(0.0, 0.0)]
     for number in range(201):
         angle = math.radians(4.0 * number * min(1.0, number / 40.0))

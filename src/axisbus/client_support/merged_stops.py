@@ -14,7 +14,7 @@ from __future__ import annotations
 from collections.abc import Collection
 
 from axisbus.errors import AxisbusError
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 from axisbus.motion.command_status import Status
 
@@ -66,7 +66,7 @@ class MergedStops:
         except AxisbusError as error:
             waiting._finish(Status.ERROR, error)
             return
-        look_at_end(handle)
+        mark_end_as_read(handle)
         self._end_together(waiting, handle)
 
     @staticmethod

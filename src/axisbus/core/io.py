@@ -43,7 +43,7 @@ class IoScan:
         """Add a node, in place of itself if it was there before: it was booted again. Before the scan begins, or in its thread."""
         for _, earlier in self._nodes:
             if earlier.node_id == node.node_id:
-                node.succeed(earlier)
+                node.replace(earlier)
         self._of = {**self._of, **dict.fromkeys(node.points, node)}
         others = (each for each in self._nodes if each[1].node_id != node.node_id)
         self._nodes = (*others, (port, node))
@@ -103,7 +103,7 @@ class IoScan:
     @property
     def left(self) -> bool:
         """Whether that has been sent, as far as possible."""
-        return self._leaving and all(node.rests for _, node in self._nodes)
+        return self._leaving and all(node.is_idle for _, node in self._nodes)
 
     @property
     def ours(self) -> list[IoPoint]:

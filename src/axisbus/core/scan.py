@@ -535,14 +535,17 @@ class Scan:
                 self.axes[name].break_off(failure)
             ticket.finish(Status.ERROR, failure)
         if self._pairs and waiting.is_stop:
-            for name, stop in self._pairs.left_out(command, waiting.axes, self.axes).items():
+            for name, stop in self._pairs.partner_stops(command, waiting.axes, self.axes).items():
                 accept(self.axes[name], stop, unattended(f"{name}.stop, because {ticket.name} was commanded"))
 
     def _not_to_be_led(self, waiting: Waiting) -> AxisbusError | None:
         """Return why a path of a group must not move a gantry pair with other axes now."""
-        for name in self._pairs.led(waiting.target, waiting.command, waiting.axes):
+        for name in self._pairs.pairs_moved(waiting.target, waiting.command, waiting.axes):
             pair = self.groups.get(name)
-            if isinstance(pair, GantryCore) and (found := pair.let_lead(waiting.ticket.name)) is not None:
+            if (
+                isinstance(pair, GantryCore)
+                and (found := pair.permit_group_path(waiting.ticket.name)) is not None
+            ):
                 return found
         return None
 

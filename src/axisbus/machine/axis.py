@@ -21,11 +21,11 @@ from axisbus.motion import commands as c
 from axisbus.motion.group.commands import Couple, ProbeMove
 from axisbus.motion.moves.activity import age_text
 from axisbus.motion.moves.homing import HomingJob
-from axisbus.motion.numbers import told
-from axisbus.motion.override import FASTER
+from axisbus.motion.numbers import short_repr
+from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.motion.parameters import NOISE, AxisLimits, AxisParameters
-from axisbus.motion.point_stream.curve_fit import Allowed, allowed_of
-from axisbus.motion.position_limits import room_of_way
+from axisbus.motion.point_stream.curve_fit import StreamLimits, stream_limits_of
+from axisbus.motion.position_limits import path_range
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.spline import Followed, trajectory_of
 from axisbus.motion.states import AxisState
@@ -37,7 +37,7 @@ _NO_DEMAND = "homing ended just now and the drive counts from the new home, its 
 Measure = Callable[[str, str], float]
 
 
-def tells_nothing(axis: str, what: str) -> float:
+def no_measure(axis: str, what: str) -> float:
     """Raise StateError: the value ``what`` cannot be read, because the machine has no access to the drive's objects."""
     raise StateError(f"{axis}: its {what} is not known: the machine cannot read its objects")
 
@@ -51,7 +51,7 @@ class Axis:
     """
 
     def __init__(
-        self, parameters: AxisParameters, commanding: CommandDispatcher, measure: Measure = tells_nothing
+        self, parameters: AxisParameters, commanding: CommandDispatcher, measure: Measure = no_measure
     ) -> None:
         """``measure`` reads a value of the drive that is not sent cyclically, by its name (see ``temperature``)."""
         self.name = parameters.name
@@ -150,10 +150,10 @@ class Axis:
     def commanded_position(self) -> float:
         """The last demand position (6062h, if valid), else the actual position; unwrapped, in the axis's unit; for groups."""
         snapshot = self.snapshot
-        place = snapshot.demand if snapshot.demand_leads else None
-        if place is None:
-            place = self._known(snapshot.position, "position (6064h)")
-        return self._parameters.units.position.to_units(place - snapshot.origin)
+        increments = snapshot.demand if snapshot.demand_leads else None
+        if increments is None:
+            increments = self._known(snapshot.position, "position (6064h)")
+        return self._parameters.units.position.to_units(increments - snapshot.origin)
 
     @property
     def scan_period(self) -> float:
@@ -168,7 +168,7 @@ class Axis:
     @property
     def start_tolerance(self) -> float:
         """The allowed distance between the axis and the start of a motion, in the axis's unit; for groups."""
-        return self._parameters.place_window * self.increment
+        return self._parameters.position_tolerance * self.increment
 
     @property
     def velocity(self) -> float:
@@ -239,7 +239,7 @@ class Axis:
         if limits is None:
             return None
         noise = abs(units.to_units(NOISE))
-        return room_of_way(limits, start, noise, abs(units.to_units(1)))
+        return path_range(limits, start, noise, abs(units.to_units(1)))
 
     @property
     def promises(self) -> tuple[Promise, ...]:
@@ -259,7 +259,7 @@ class Axis:
     def total_override(self) -> float:
         """The factor that multiplies the velocities of this axis: its own override times that of the cell, at most 1.5."""
         snapshot = self.snapshot
-        return min(snapshot.override * snapshot.cell_override, FASTER)
+        return min(snapshot.override * snapshot.cell_override, MAX_OVERRIDE)
 
     @property
     def temperature(self) -> float:
@@ -440,8 +440,8 @@ class Axis:
 
         If the move blends, ``distance`` counts from the end of the previous move.
         """
-        ways = velocity, acceleration, deceleration, timeout, jerk
-        return self._move_by(c.TargetReference.RELATIVE, distance, ways, buffer=buffer)
+        dynamics = velocity, acceleration, deceleration, timeout, jerk
+        return self._move_by(c.TargetReference.RELATIVE, distance, dynamics, buffer=buffer)
 
     def move_additive(
         self,
@@ -458,8 +458,8 @@ class Axis:
 
         If there is no last commanded position, the move starts from the actual position.
         """
-        ways = velocity, acceleration, deceleration, timeout, jerk
-        return self._move_by(c.TargetReference.ADDITIVE, distance, ways, buffer=buffer)
+        dynamics = velocity, acceleration, deceleration, timeout, jerk
+        return self._move_by(c.TargetReference.ADDITIVE, distance, dynamics, buffer=buffer)
 
     def move_velocity(
         self,
@@ -492,8 +492,8 @@ class Axis:
         """
         name = f"jog({shown(velocity)} {self.unit}/s)"
         profile = self._request(name).turning(velocity, acceleration, jerk=math.inf)
-        goes_on = flag_of(f"{self.name}.{name}", "continue_only", continue_only)
-        return self._submit(name, c.MoveVelocity(profile, self._parameters.timing.jog, goes_on))
+        continues = flag_of(f"{self.name}.{name}", "continue_only", continue_only)
+        return self._submit(name, c.MoveVelocity(profile, self._parameters.timing.jog, continues))
 
     def torque_control(
         self, torque: float, *, slope: float | None = None, timeout: float | None = None
@@ -573,7 +573,7 @@ class Axis:
         """
         if not callable(function):
             raise ArgumentError(
-                f"{self.name}.controller: {told(function)} is not a function",
+                f"{self.name}.controller: {short_repr(function)} is not a function",
                 remedy="give a function that takes the measured values and returns a velocity or a torque",
             )
         answering = answering_of(
@@ -614,7 +614,7 @@ class Axis:
             ArgumentError: not finite.
         """
         name = f"set_position({shown(position)} {self.unit})"
-        return self._submit(name, c.SetPosition(self._request(name).place(position)))
+        return self._submit(name, c.SetPosition(self._request(name).checked_position(position)))
 
     def follow(self, trajectory: Followed, *, duration: float | None = None) -> Handle:
         """Follow ``trajectory`` (position over time in the axis's unit) in cyclic synchronous position mode.
@@ -839,7 +839,7 @@ class Axis:
             StateError: the EDS lacks an object that is needed.
             ArgumentError: a value is not one of those allowed; or with a window, the axis must be homed and is not.
         """
-        name = f"probe(input {shown(input)}, {edge if isinstance(edge, str) else told(edge)})"
+        name = f"probe(input {shown(input)}, {edge if isinstance(edge, str) else short_repr(edge)})"
         command = probe_command(
             self._request(name), self._parameters, input, edge, source, window, continuous=continuous
         )
@@ -923,7 +923,7 @@ class Axis:
             return master
         raise ArgumentError(
             f"{self.name}.{text}: its master is another axis of this machine",
-            observed=f"it is {'the axis itself' if master is self else told(master)}",
+            observed=f"it is {'the axis itself' if master is self else short_repr(master)}",
             remedy='give an axis: cell["x"]',
         )
 
@@ -991,9 +991,9 @@ class Axis:
         """Raise ArgumentError if the deceleration or the maximum velocity of the axis is unknown; for streams."""
         self._request(text).streamed()
 
-    def _stream_limits(self) -> Allowed:
+    def _stream_limits(self) -> StreamLimits:
         """Return the limits of the axis on a stream of points that begins at its commanded position; for streams."""
-        return allowed_of(self._parameters, self.commanded_position)
+        return stream_limits_of(self._parameters, self.commanded_position)
 
     def _require_at_start(self, text: str, position: float) -> None:
         """Raise StateError if ``position`` is not the commanded position of the axis; for streams."""

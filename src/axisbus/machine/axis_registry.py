@@ -14,7 +14,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.gantry import Gantry
 from axisbus.machine.groups import Group
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 from axisbus.motion.parameters import AxisParameters
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class AxisRegistry:
     def __getitem__(self, name: str) -> Axis:
         """Return an axis; raises StateError with the reason if it is absent."""
         if not isinstance(name, str):
-            raise self._cell.no_axis(told(name))
+            raise self._cell.no_axis(short_repr(name))
         if name in self.axes:
             return self.axes[name]
         if name in self._cell.axes:
@@ -63,7 +63,7 @@ class AxisRegistry:
         """
         for name in names:
             if not isinstance(name, str):
-                raise self._cell.no_axis(told(name))
+                raise self._cell.no_axis(short_repr(name))
         if len(names) == 1 and names[0] in self._groups:
             return self._groups[names[0]]
         if not names:
@@ -104,7 +104,7 @@ class AxisRegistry:
             return self._gantries[name]
         if not isinstance(name, str) or name not in self._cell.gantries:
             known = ", ".join(self._cell.gantries) or "none"
-            raise UnknownNameError(f"the cell has no gantry {told(name)}", observed=f"it has {known}")
+            raise UnknownNameError(f"the cell has no gantry {short_repr(name)}", observed=f"it has {known}")
         for axis in self._cell.gantries[name].axes:
             self[axis]
         pair = gantry_of(self._cell.gantries[name])

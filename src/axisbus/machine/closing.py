@@ -31,21 +31,21 @@ class Closing:
     def __init__(
         self,
         work: Callable[[str], list[AxisbusError]],
-        ask: Callable[[str], None],
+        request_stop: Callable[[str], None],
         in_cycle: Callable[[], bool] | None,
     ) -> None:
-        """``work`` closes, blocks, and returns the failures; ``ask`` requests the stop and returns at once.
+        """``work`` closes, blocks, and returns the failures; ``request_stop`` requests the stop and returns at once.
 
         ``in_cycle`` returns, in virtual time, whether the caller is within a cycle.
         """
         self._work = work
-        self._ask = ask
+        self._request_stop = request_stop
         self._in_cycle = in_cycle
         self._claim = threading.Lock()
         self._within: set[int] = set()
         self._done = threading.Event()
         self._failures: list[AxisbusError] = []
-        self._told = False
+        self._stop_requested = False
         self._deferred: str | None = None
 
     @property
@@ -61,14 +61,14 @@ class Closing:
     def run(self, reason: str) -> list[AxisbusError]:
         """Close, or wait for the thread that closes, and return the failures. In a thread of axisbus, only begin closing."""
         # called by a callback or a user's handler during closing
-        if self._told or threading.get_ident() in self._within:
+        if self._stop_requested or threading.get_ident() in self._within:
             return []
         if self._may_not_wait():
             self._begin(reason)
             return []
         if not self._close(reason):
             self._wait()
-        self._told = True
+        self._stop_requested = True
         return self._failures
 
     def finish(self) -> None:
@@ -112,7 +112,7 @@ class Closing:
 
     def _begin(self, reason: str) -> None:
         """Request the stop, and leave the rest to a thread of its own, or to the next caller that closes."""
-        self._ask(reason)
+        self._request_stop(reason)
         if self._deferred is not None or self.begun:
             return
         self._deferred = reason

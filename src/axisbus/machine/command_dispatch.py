@@ -26,7 +26,7 @@ class CommandDispatcher:
         self._given: dict[int, Handle | CommandEvent] = {}
         self._over: deque[int] = deque()
         self._giving = 0  # number of active submissions: above one if a user's log handler submits as well
-        session.listen(self._hear)
+        session.listen(self._on_event)
 
     @sheltered
     def submit(self, target: Target, command: AnyCommand, name: str) -> Handle:
@@ -56,13 +56,13 @@ class CommandDispatcher:
     def _submit(self, handle: Handle, target: Target, command: AnyCommand) -> Handle:
         number = next(self._numbers)
         self._given[number] = handle
-        kept = 0
+        used = 0
         try:
-            kept = self.session.submit(number, target, command, handle.name)
+            used = self.session.submit(number, target, command, handle.name)
         finally:
-            if kept != number:
+            if used != number:
                 del self._given[number]
-        before = self._given[kept]
+        before = self._given[used]
         if isinstance(before, Handle):
             return before
         handle._on_event(before)
@@ -72,7 +72,7 @@ class CommandDispatcher:
         while self._over:
             del self._given[self._over.popleft()]
 
-    def _hear(self, event: CommandEvent) -> None:
+    def _on_event(self, event: CommandEvent) -> None:
         handle = self._given.get(event.number)
         if not isinstance(handle, Handle):
             return

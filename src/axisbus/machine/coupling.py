@@ -11,9 +11,17 @@ from typing import TYPE_CHECKING, Any, cast
 
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.machine.request import AxisCall, flag_of
-from axisbus.motion.coupling.definition import AtPlace, By, CamLaw, Entry, Gear, SyncAtSpeed, SyncInPlace
+from axisbus.motion.coupling.definition import (
+    CamLaw,
+    Entry,
+    Gear,
+    MasterValue,
+    SyncAtPositions,
+    SyncAtSpeed,
+    SyncFromPresent,
+)
 from axisbus.motion.group.commands import Couple
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.spline import SplineSegment, parts_of, span_of
 
 if TYPE_CHECKING:
@@ -33,14 +41,14 @@ class Coupling:
         self._slave, self._request = slave, request
         self._text, self._call = request.text, text
         self._master = slave._require_master(master, text)
-        if not isinstance(by, str) or by not in {kind.value for kind in By}:
+        if not isinstance(by, str) or by not in {kind.value for kind in MasterValue}:
             raise ArgumentError(
-                f"{self._text}: master_value_source {told(by)} is not known",
+                f"{self._text}: master_value_source {short_repr(by)} is not known",
                 remedy='give "command" (the commanded position of the master) or "actual" (its actual position)',
             )
-        self._by = By(by)
+        self._by = MasterValue(by)
         slave._require_homed(text)
-        request.led()
+        request.coupled()
 
     def gear(
         self,
@@ -66,27 +74,28 @@ class Coupling:
         """Return the command of a cam; see ``Axis.cam_in``."""
         if not isinstance(cam, Cam):
             raise ArgumentError(
-                f"{self._text}: {told(cam)} is not a cam", remedy="make one: Cam([(master, slave), ...])"
+                f"{self._text}: {short_repr(cam)} is not a cam",
+                remedy="make one: Cam([(master, slave), ...])",
             )
         self._master._require_homed(self._call)
-        stretch = self._request.finite("master_start_distance", over, self._master.unit)
-        stretched = self._not_zero("master_scaling", master_scale)
-        if stretch < 0.0 or stretched < 0.0:
+        distance = self._request.finite("master_start_distance", over, self._master.unit)
+        scaling = self._not_zero("master_scaling", master_scale)
+        if distance < 0.0 or scaling < 0.0:
             raise ArgumentError(f"{self._text}: master_start_distance and master_scaling are magnitudes")
         begins_here = flag_of(self._text, "relative", relative)
         law = cam._transfer_function(
             self._request.finite("master_offset", phase, self._master.unit),
-            stretched,
+            scaling,
             self._not_zero("slave_scaling", scale),
         )
         if not begins_here:
-            self._require_room(cam, law, scale)
-        return self._couple(law, SyncInPlace(stretch, begins_here))
+            self._require_within_limits(cam, law, scale)
+        return self._couple(law, SyncFromPresent(distance, begins_here))
 
     def _couple(self, law: Gear | CamLaw, entry: Entry) -> Couple:
         return Couple(self._master.name, self._slave.name, law, entry, self._by)
 
-    def _meeting(self, at: Sequence[float], over: float | None) -> AtPlace:
+    def _meeting(self, at: Sequence[float], over: float | None) -> SyncAtPositions:
         if over is None:
             raise ArgumentError(
                 f"{self._text}: master_start_distance is missing",
@@ -98,16 +107,16 @@ class Coupling:
             )
         master = self._master._checked_position(self._call, at[0])
         slave = self._slave._checked_position(self._call, at[1])
-        return AtPlace(
+        return SyncAtPositions(
             master, slave, self._request.positive("master_start_distance", over, self._master.unit)
         )
 
-    def _require_room(self, cam: Cam, law: CamLaw, scale: float) -> None:
+    def _require_within_limits(self, cam: Cam, law: CamLaw, scale: float) -> None:
         """Check a cam against the slave's limits. A cam whose turns add up is not checked here: the motion itself is."""
         limits = self._slave.limits.position
         if limits is None or law.lift:
             return
-        low, high = sorted(place * scale for place in cam.span)
+        low, high = sorted(position * scale for position in cam.span)
         if limits[0] <= low and high <= limits[1]:
             return
         raise LimitError(
@@ -148,7 +157,7 @@ class Cam:
         """
         self.periodic = periodic
         masters, slaves = _columns(points)
-        self.master_span = masters[0], masters[-1]
+        self.master_range = masters[0], masters[-1]
         self._marks = tuple(master - masters[0] for master in masters)
         try:
             self._parts = tuple(parts_of(self._marks, slaves, periodic=periodic))
@@ -177,7 +186,7 @@ class Cam:
                 rows = [(line, row) for line, row in enumerate(csv.reader(text), 1) if any(row)]
         except (OSError, UnicodeDecodeError, csv.Error) as error:
             raise ArgumentError(f"{file}: cannot be read as a cam", observed=str(error)) from None
-        points = [_point(f"{file}, line {line}", row) for line, row in rows[_is_words(rows) :]]
+        points = [_point(f"{file}, line {line}", row) for line, row in rows[_is_heading(rows) :]]
         try:
             return cls(points, periodic=periodic)
         except ArgumentError as error:
@@ -187,7 +196,7 @@ class Cam:
 
     def __repr__(self) -> str:
         kind = "periodic, " if self.periodic else ""
-        return f"<Cam {kind}from {self.master_span[0]:g} to {self.master_span[1]:g} of the master>"
+        return f"<Cam {kind}from {self.master_range[0]:g} to {self.master_range[1]:g} of the master>"
 
     @property
     def lift(self) -> float:
@@ -196,19 +205,21 @@ class Cam:
 
     def at(self, master: float) -> float:
         """Return the slave position for a master position."""
-        return self._law.at(master).place
+        return self._law.at(master).position
 
     def _transfer_function(self, phase: float = 0.0, master_scale: float = 1.0, scale: float = 1.0) -> CamLaw:
         """Return the cam for two axes, ``phase`` master units ahead and scaled. No factor is 0; ``master_scale`` is above 0."""
         m, s = master_scale, scale
         parts = tuple(
-            SplineSegment(p.place * s, p.speed * s / m, p.bend * s / m**2, p.twist * s / m**3, p.length * m)
+            SplineSegment(
+                p.position * s, p.speed * s / m, p.bend * s / m**2, p.twist * s / m**3, p.length * m
+            )
             for p in self._parts
         )
-        period = (self.master_span[1] - self.master_span[0]) * m
+        period = (self.master_range[1] - self.master_range[0]) * m
         marks = tuple(mark * m for mark in self._marks[:-1])
         lift = self._lift * s if self.periodic else None
-        return CamLaw(self.master_span[0] * m - phase, marks, parts, period, lift)
+        return CamLaw(self.master_range[0] * m - phase, marks, parts, period, lift)
 
 
 def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float]]:
@@ -216,16 +227,16 @@ def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float
         rows = [(a, b) for a, b in cast("Any", points)]
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"{told(points)} are not points of a cam",
+            f"{short_repr(points)} are not points of a cam",
             remedy="give rows of the master's and the slave's position",
         ) from None
     if not 2 <= len(rows) <= MOST:
         raise ArgumentError(f"a cam has 2 to {MOST} points, this one has {len(rows)}")
     known = [[_number(value) for value in column] for column in zip(*rows, strict=True)]
-    for place, (a, b) in enumerate(pairwise(known[0]), 2):
+    for count, (a, b) in enumerate(pairwise(known[0]), 2):
         if a >= b:
             raise ArgumentError(
-                "the positions of a cam's master must rise", observed=f"point {place}: {b:g} after {a:g}"
+                "the positions of a cam's master must rise", observed=f"point {count}: {b:g} after {a:g}"
             )
     return known[0], known[1]
 
@@ -233,7 +244,7 @@ def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float
 def _number(value: object) -> float:
     found = number(value)
     if found is None:
-        raise ArgumentError("the points of a cam need finite numbers", observed=told(value))
+        raise ArgumentError("the points of a cam need finite numbers", observed=short_repr(value))
     return found
 
 
@@ -250,7 +261,7 @@ def _point(where: str, row: Sequence[str]) -> tuple[float, float]:
     )
 
 
-def _is_words(rows: Sequence[tuple[int, Sequence[str]]]) -> bool:
+def _is_heading(rows: Sequence[tuple[int, Sequence[str]]]) -> bool:
     """Whether the first line is a heading."""
     try:
         return bool(rows) and not [float(value) for value in rows[0][1]]

@@ -41,7 +41,7 @@ _AT_REST = Snapshot(
 )  # fmt: skip
 _UNKNOWN = Capabilities({}, {}, remappable=False, max_age={})
 _ANYWHERE = None
-_Place = int | None  # user increments; None if an axis may be anywhere
+_Position = int | None  # user increments; None if an axis may be anywhere
 
 
 class DryRun:
@@ -106,14 +106,14 @@ class _Stage:
         self.snapshots = dict.fromkeys(parameters, _AT_REST)
         self.axes = {name: AxisFacts(known, _UNKNOWN) for name, known in parameters.items()}
         self.lateness = LatenessReport()
-        self._hear: Callable[[CommandEvent], None] | None = None
-        self._places: dict[str, _Place] = dict.fromkeys(parameters, _ANYWHERE)
+        self._on_event: Callable[[CommandEvent], None] | None = None
+        self._positions: dict[str, _Position] = dict.fromkeys(parameters, _ANYWHERE)
 
     def see(self, name: str, snapshot: Snapshot) -> None:
         """Use the actual state of an axis. If its position is unknown, the axis may be anywhere."""
         known = snapshot.position is not None
         self.snapshots[name] = snapshot if known else snapshot._replace(position=0)
-        self._places[name] = None if snapshot.position is None else snapshot.position - snapshot.origin
+        self._positions[name] = None if snapshot.position is None else snapshot.position - snapshot.origin
 
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
         """Check a command.
@@ -132,13 +132,13 @@ class _Stage:
             for axis in command.axes:
                 distance = self._parameters[axis].units.position.to_increments(command.value)
                 self._require_end(axis, distance, ticket)
-        if self._hear is not None:
-            self._hear(CommandEvent(number, Status.DONE, None, ""))
+        if self._on_event is not None:
+            self._on_event(CommandEvent(number, Status.DONE, None, ""))
         return number
 
-    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
-        """Call ``hear`` at the end of every command."""
-        self._hear = hear
+    def listen(self, on_event: Callable[[CommandEvent], None]) -> None:
+        """Call ``on_event`` at the end of every command."""
+        self._on_event = on_event
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """Do nothing: the commands of a group are checked axis by axis."""
@@ -162,12 +162,12 @@ class _Stage:
         method = command.job.method
         accept_motion.require_objects(self._parameters[name], ModeOfOperation.HOMING, ticket, method)
         at_home = method in homing.IN_PLACE and not self._cell.axes[name].homing.offset
-        self._places[name] = 0 if at_home else _ANYWHERE
+        self._positions[name] = 0 if at_home else _ANYWHERE
         self.snapshots[name] = self.snapshots[name]._replace(homed=True)
 
     def _home_both(self, command: g.GantryHome) -> None:
         for name in command.axes:
-            self._places[name] = _ANYWHERE
+            self._positions[name] = _ANYWHERE
             self.snapshots[name] = self.snapshots[name]._replace(homed=True)
 
     def _move(self, name: str, command: c.Move, ticket: CommandStatus) -> None:
@@ -179,22 +179,22 @@ class _Stage:
 
     def _require_end(self, name: str, distance: int, ticket: CommandStatus) -> None:
         """Raise LimitError if a move by this number of increments would end beyond the position limits of an axis."""
-        parameters, place = self._parameters[name], self._places[name]
+        parameters, position = self._parameters[name], self._positions[name]
         if parameters.homing.required and not self.snapshots[name].homed:
             return
-        if place is not None:
-            accept_motion.require_within_limits(parameters, place + distance, ticket)
+        if position is not None:
+            accept_motion.require_within_limits(parameters, position + distance, ticket)
         else:
-            _require_room(parameters, distance, ticket)
+            _require_fits(parameters, distance, ticket)
 
 
-def _require_room(parameters: AxisParameters, distance: int, ticket: CommandStatus) -> None:
+def _require_fits(parameters: AxisParameters, distance: int, ticket: CommandStatus) -> None:
     """Raise LimitError if a move is longer than the distance between the limits: it ends beyond them from any start."""
     limits, scale = parameters.limits.position, parameters.units.position
-    way = abs(scale.to_units(distance))
-    if limits is not None and way > limits[1] - limits[0]:
+    length = abs(scale.to_units(distance))
+    if limits is not None and length > limits[1] - limits[0]:
         raise LimitError(
             f"{ticket.name}: would end beyond the position limits from every start position",
-            observed=f"{limits[0]:g} and {limits[1]:g} {scale.unit} are less than {way:g} {scale.unit} apart",
+            observed=f"{limits[0]:g} and {limits[1]:g} {scale.unit} are less than {length:g} {scale.unit} apart",
             remedy=f"command a shorter move, or change position_limits in [axes.{parameters.name}] of cell.toml",
         )

@@ -17,7 +17,7 @@ from axisbus.motion.commands import TargetReference
 from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.parameters import GantryParameters
 from axisbus.motion.group.commands import GroupContinue
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 from axisbus.motion.parameters import AxisLimits, AxisParameters, Defaults
 
 _keys = itertools.count(1)
@@ -93,13 +93,13 @@ class Gantry(AxisSet):
         if skew is None:
             return self._submit("enable()", g.GantryEnable(self._pair.axes))
         request = self._request("enable")
-        wide = request.distance(request.positive("skew", skew))
-        if wide <= self.max_skew:
+        bound = request.distance(request.positive("skew", skew))
+        if bound <= self.max_skew:
             raise LimitError(
-                f"{self.name}.enable: skew {wide:g} {self.unit} is not above max_skew = {self.max_skew:g} {self.unit}",
+                f"{self.name}.enable: skew {bound:g} {self.unit} is not above max_skew = {self.max_skew:g} {self.unit}",
                 remedy="leave skew out: max_skew then applies",
             )
-        return self._submit(f"enable(skew={wide:g} {self.unit})", g.GantryEnable(self._pair.axes, wide))
+        return self._submit(f"enable(skew={bound:g} {self.unit})", g.GantryEnable(self._pair.axes, bound))
 
     # -- motion --------------------------------------------------------------------------------------------------------
 
@@ -123,9 +123,9 @@ class Gantry(AxisSet):
         """
         name = f"move_absolute({shown(position)} {self.unit})"
         request = self._request(name)
-        place = request.place(position)
+        checked_position = request.checked_position(position)
         return self._move(
-            name, request, TargetReference.ABSOLUTE, place, (velocity, acceleration, jerk), buffer
+            name, request, TargetReference.ABSOLUTE, checked_position, (velocity, acceleration, jerk), buffer
         )
 
     def move_relative(
@@ -143,9 +143,9 @@ class Gantry(AxisSet):
         """
         name = f"move_relative({shown(distance)} {self.unit})"
         request = self._request(name)
-        way = request.distance(distance)
+        checked_distance = request.distance(distance)
         return self._move(
-            name, request, TargetReference.RELATIVE, way, (velocity, acceleration, jerk), buffer
+            name, request, TargetReference.RELATIVE, checked_distance, (velocity, acceleration, jerk), buffer
         )
 
     def move_additive(
@@ -160,9 +160,9 @@ class Gantry(AxisSet):
         """Move the beam by ``distance`` from its last commanded position (MC_MoveAdditive); as ``move_relative``."""
         name = f"move_additive({shown(distance)} {self.unit})"
         request = self._request(name)
-        way = request.distance(distance)
+        checked_distance = request.distance(distance)
         return self._move(
-            name, request, TargetReference.ADDITIVE, way, (velocity, acceleration, jerk), buffer
+            name, request, TargetReference.ADDITIVE, checked_distance, (velocity, acceleration, jerk), buffer
         )
 
     def move_velocity(self, velocity: float, *, acceleration: float | None = None) -> Handle:
@@ -216,11 +216,11 @@ class Gantry(AxisSet):
             ArgumentError: not finite. LimitError: out of the range of the drives.
         """
         name = f"set_position({shown(position)} {self.unit})"
-        place = self._request(name).named(position)
+        checked_position = self._request(name).named(position)
         return self._submit(
             name,
             g.GantrySetPosition(
-                self._pair.axes, place, flag_of(f"{self.name}.set_position", "square", square)
+                self._pair.axes, checked_position, flag_of(f"{self.name}.set_position", "square", square)
             ),
         )
 
@@ -245,14 +245,14 @@ class Gantry(AxisSet):
         name = self._pair.second if name is None else name
         if not isinstance(name, str) or name not in self._pair.axes:
             raise ArgumentError(
-                f"{self.name}.square: {told(name)} is not an axis of this pair",
+                f"{self.name}.square: {short_repr(name)} is not an axis of this pair",
                 remedy=f"it is {self._pair.first} or {self._pair.second}",
             )
         text = f"square({name})" if distance is None else f"square({name}, {shown(distance)} {self.unit})"
         request = self._request(text)
-        way = None if distance is None else request.distance(distance)
-        pace = request.velocity(velocity), request.acceleration(acceleration)
-        return self._submit(text, g.GantrySquare(self._pair.axes, name, way, *pace))
+        checked_distance = None if distance is None else request.distance(distance)
+        dynamics = request.velocity(velocity), request.acceleration(acceleration)
+        return self._submit(text, g.GantrySquare(self._pair.axes, name, checked_distance, *dynamics))
 
     # ------------------------------------------------------------------------------------------------------------------
 
@@ -262,10 +262,10 @@ class Gantry(AxisSet):
         request: BeamRequest,
         reference: TargetReference,
         value: float,
-        pace: tuple[float | None, float | None, float | None],
+        dynamics: tuple[float | None, float | None, float | None],
         buffer: bool,
     ) -> Handle:
-        velocity, acceleration, jerk = pace
+        velocity, acceleration, jerk = dynamics
         mode = buffering_of(f"{self.name}.{name}", buffer)
         if mode is not None and mode.blends:
             raise ArgumentError(
@@ -309,19 +309,23 @@ class BeamRequest:
         """Return ``value``, which must be above 0."""
         return AxisCall(self._parameters[0], self._call).positive(what, value)
 
-    def place(self, position: float) -> float:
+    def checked_position(self, position: float) -> float:
         """Return a position of the beam that both axes can reach."""
-        place = self.finite("position", position)
-        for axis, at in zip(self._axes, (place, place + self._pair.offset), strict=True):
+        checked_position = self.finite("position", position)
+        for axis, at in zip(
+            self._axes, (checked_position, checked_position + self._pair.offset), strict=True
+        ):
             axis._absolute_increments(self._call, at)
-        return place
+        return checked_position
 
     def named(self, position: float) -> float:
         """Return the value for the beam's present position (``set_position``), which must be in the range of both drives."""
-        place = self.finite("position", position)
-        for parameters, at in zip(self._parameters, (place, place + self._pair.offset), strict=True):
-            AxisCall(parameters, self._call).place(at)
-        return place
+        checked_position = self.finite("position", position)
+        for parameters, at in zip(
+            self._parameters, (checked_position, checked_position + self._pair.offset), strict=True
+        ):
+            AxisCall(parameters, self._call).checked_position(at)
+        return checked_position
 
     def distance(self, distance: float) -> float:
         """Return a distance that is in the range of both drives."""

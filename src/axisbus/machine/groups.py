@@ -26,13 +26,13 @@ from axisbus.motion.group.commands import (
     MovePath,
 )
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.segments import Place
-from axisbus.motion.numbers import items, number, told
+from axisbus.motion.group.segments import Coordinates
+from axisbus.motion.numbers import items, number, short_repr
 from axisbus.motion.point_stream.timed import TrajectoryPoint
 from axisbus.session import Target
 from axisbus.wording import counted
 
-_KEPT = 256  # the number of commands with a stored end: more cannot be active
+_MAX_STORED = 256  # the number of commands with a stored end: more cannot be active
 _REFUSALS = (ArgumentError, LimitError, StateError)  # errors of a command that has moved nothing
 
 
@@ -63,7 +63,7 @@ class Group(AxisSet):
         self._kinematics = kinematics
         self._path: _Path | None = None  # the last path, for points that are added to it
         # Each motion of the group and its end position; None: not known yet.
-        self._ends_at: deque[tuple[Handle, Place | None]] = deque(maxlen=_KEPT)
+        self._ends_at: deque[tuple[Handle, Coordinates | None]] = deque(maxlen=_MAX_STORED)
 
     def with_kinematics(
         self, kinematics: Kinematics | UserKinematics, *, accuracy: float | None = None
@@ -125,10 +125,12 @@ class Group(AxisSet):
         ends = self._ends(name, positions)
         self._path = _Path(velocity, acceleration, blend)
         if mode is not None and mode.blends:
-            wide = self._blend(name, blend, mode, jerk)
-            request = self._request(name, "move_linear", velocity, acceleration, None, mode, blend=wide)
+            corner_distance = self._blend(name, blend, mode, jerk)
+            request = self._request(
+                name, "move_linear", velocity, acceleration, None, mode, blend=corner_distance
+            )
             return self._move(name, request.along([positions]))
-        line = MoveLinear(ends, *self._pace(name, velocity, acceleration, jerk), mode is not None)
+        line = MoveLinear(ends, *self._dynamics(name, velocity, acceleration, jerk), mode is not None)
         return self._move(name, line, tuple(ends.values()))
 
     def move_path(
@@ -158,20 +160,27 @@ class Group(AxisSet):
             StaleError: the position of an axis is unknown.
         """
         points = items_of(f"{self.name}.move_path", "points", points)
-        goes_on = flag_of(f"{self.name}.move_path", "more", more)
+        is_extendable = flag_of(f"{self.name}.move_path", "more", more)
         text = f"move_path({counted(len(points), 'point')}, velocity={shown(velocity)}, blend={shown(blend)})"
         mode = buffering_of(f"{self.name}.{text}", buffer)
-        wide = self._blend(text, blend, mode, jerk)
-        if goes_on and jerk is not None:
+        corner_distance = self._blend(text, blend, mode, jerk)
+        if is_extendable and jerk is not None:
             raise ArgumentError(
                 f"{self.name}.{text}: with a jerk limit no points can be added to a path",
                 remedy="give all points at once, without more=True; or leave jerk out",
             )
         request = self._request(
-            text, "move_path", velocity, acceleration, jerk, mode, blend=wide, more=goes_on or _blends(mode)
+            text,
+            "move_path",
+            velocity,
+            acceleration,
+            jerk,
+            mode,
+            blend=corner_distance,
+            more=is_extendable or _blends(mode),
         )
         handle = self._move(text, request.along(points))
-        self._path = _Path(velocity, acceleration, wide)
+        self._path = _Path(velocity, acceleration, corner_distance)
         return handle
 
     def extend_path(
@@ -205,10 +214,12 @@ class Group(AxisSet):
         mode = BufferMode.LOW
         speed = last.velocity if velocity is None else velocity
         ramp = last.acceleration if acceleration is None else acceleration
-        wide = self._blend(text, last.blend if blend is None else blend, mode)
-        request = self._request(text, "extend_path", speed, ramp, None, mode, blend=wide, extends=True)
+        corner_distance = self._blend(text, last.blend if blend is None else blend, mode)
+        request = self._request(
+            text, "extend_path", speed, ramp, None, mode, blend=corner_distance, extends=True
+        )
         handle = self._move(text, request.along(points))
-        self._path = _Path(speed, ramp, wide)
+        self._path = _Path(speed, ramp, corner_distance)
         return handle
 
     def move_circular(
@@ -254,7 +265,7 @@ class Group(AxisSet):
         return self._move(text, request.through(via, end))
 
     @property
-    def tool_position(self) -> Place:
+    def tool_position(self) -> Coordinates:
         """The positions of the axes; with kinematics, the position of the tool in the workspace.
 
         Raises:
@@ -281,10 +292,10 @@ class Group(AxisSet):
         there, within ``position_window`` (a tenth of ``standstill_window`` if that is unknown). Otherwise the handle ends with a
         StateError, because an axis was moved meanwhile or has left the path in a stop of the drive's own.
         """
-        left = [end for handle, end in self._ends_at if not isinstance(handle.error, _REFUSALS)]
+        ends = [end for handle, end in self._ends_at if not isinstance(handle.error, _REFUSALS)]
         handle = self._submit("resume()", GroupContinue(tuple(self._axes)))
-        if left:
-            self._ends_at.append((handle, left[-1]))  # so that points can be added after it
+        if ends:
+            self._ends_at.append((handle, ends[-1]))  # so that points can be added after it
         return handle
 
     def stream(
@@ -308,9 +319,11 @@ class Group(AxisSet):
             StaleError: the position of an axis is unknown.
         """
         text = f"{self.name}.stream"
-        places = self._kinematics
-        options = options_of(self._axes, text, period, on_underrun, buffer, places=places is not None)
-        made = PointStream(self._axes, self._commanding, self._key, text, options, self.halt, places)
+        kinematics = self._kinematics
+        options = options_of(
+            self._axes, text, period, on_underrun, buffer, in_workspace=kinematics is not None
+        )
+        made = PointStream(self._axes, self._commanding, self._key, text, options, self.halt, kinematics)
         self._ends_at.append((made.handle, None))
         return made
 
@@ -364,14 +377,14 @@ class Group(AxisSet):
         more: bool = False,
         extends: bool = False,
     ) -> PathRequest:
-        pace = self._pace(text, velocity, acceleration, jerk)
+        dynamics = self._dynamics(text, velocity, acceleration, jerk)
         after = None if mode is None else self._end_of_all
         name, kinematics = f"{self.name}.{text}", self._kinematics
         return PathRequest(
             self._axes,
             name,
             call,
-            *pace,
+            *dynamics,
             after=after,
             buffer=mode,
             blend=blend,
@@ -382,7 +395,7 @@ class Group(AxisSet):
 
     def _blend(self, text: str, blend: float, mode: BufferMode | None, jerk: float | None = None) -> float:
         """Return the corner distance ``blend``, checked: raise ArgumentError if the group cannot blend."""
-        wide = blend_of(f"{self.name}.{text}", blend, mode, len(self._axes))
+        corner_distance = blend_of(f"{self.name}.{text}", blend, mode, len(self._axes))
         if _blends(mode) and (jerk is not None or self._kinematics is not None):
             why = "in a workspace" if jerk is None else "with a jerk limit"
             raise ArgumentError(
@@ -390,23 +403,23 @@ class Group(AxisSet):
                 remedy='let it begin at standstill: buffer="buffered"'
                 + ("; or give all points to one move_path" if jerk is None else "; or leave jerk out"),
             )
-        return wide
+        return corner_distance
 
     @property
-    def _end_of_all(self) -> Place | None:
+    def _end_of_all(self) -> Coordinates | None:
         """The end position of the last active or queued motion, None if there is none; refused motions do not count."""
         return next((end for handle, end in reversed(self._ends_at) if handle.busy), None)
 
-    def _move(self, name: str, command: MoveLinear | MovePath, end: Place | None = None) -> Handle:
+    def _move(self, name: str, command: MoveLinear | MovePath, end: Coordinates | None = None) -> Handle:
         """Submit a command that moves all axes, and store its end position, where a buffered command begins."""
         if end is None and isinstance(command, MovePath):
-            end = command.way.at(command.way.length)
+            end = command.path.at(command.path.length)
         handle = self._submit(name, command)
         if end is not None:
             self._ends_at.append((handle, end))
         return handle
 
-    def _pace(
+    def _dynamics(
         self, name: str, velocity: float, acceleration: float | None, jerk: float | None
     ) -> tuple[float, float, float | None]:
         """Return velocity, acceleration (by default the smallest of the axes) and jerk of a path, checked."""
@@ -443,7 +456,7 @@ class Group(AxisSet):
         magnitude = number(value)
         if magnitude is None or magnitude <= 0:
             raise LimitError(
-                f"{self.name}.{name}: {what} {told(value)} must be a finite number above 0",
+                f"{self.name}.{name}: {what} {short_repr(value)} must be a finite number above 0",
                 remedy=f"give the {what} of the path, a magnitude in the axes' unit",
             )
         return magnitude
@@ -455,4 +468,4 @@ def _blends(mode: BufferMode | None) -> bool:
 
 def _list(values: object) -> str:
     found = items(values)
-    return told(values) if found is None else ", ".join(shown(value) for value in found)
+    return short_repr(values) if found is None else ", ".join(shown(value) for value in found)

@@ -16,7 +16,7 @@ from axisbus.cia402.port import Waiter
 from axisbus.errors import ArgumentError, AxisbusError, StateError, with_alarm
 from axisbus.interrupt_guard import in_thread_of_ours, is_own
 from axisbus.motion.command_status import ENDED, Status
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.session import CommandEvent
 from axisbus.wording import counted
 
@@ -36,9 +36,9 @@ class Handle:
     __slots__ = (
         "__weakref__",
         "_callbacks",
-        "_looked",
         "_tasks",
         "_waiter",
+        "_was_read",
         "error",
         "name",
         "note",
@@ -52,7 +52,7 @@ class Handle:
         self.error: AxisbusError | None = None
         self.note = ""
         self._waiter = waiter
-        self._looked = False
+        self._was_read = False
         self._callbacks: deque[Callable[[], None]] = deque()
         self._tasks: dict[int, Generator[object, None, Handle]] = {}  # the waits, by id of the task
 
@@ -79,16 +79,16 @@ class Handle:
     @property
     def done(self) -> bool:
         """Whether the command ended successfully."""
-        return self._look() is Status.DONE
+        return self._read_end() is Status.DONE
 
     @property
     def aborted(self) -> bool:
         """Whether another command replaced this one."""
-        return self._look() is Status.ABORTED
+        return self._read_end() is Status.ABORTED
 
     def exception(self) -> AxisbusError | None:
         """Return the error that ended the command, None if there is none (yet)."""
-        self._look()
+        self._read_end()
         return self.error
 
     def wait(self, timeout: float | None = None) -> Handle:
@@ -98,9 +98,9 @@ class Handle:
             TimeoutError: the command has not ended; it continues.
             AxisbusError: the error that ended the command. ArgumentError: ``timeout`` is not a number.
         """
-        if not self._waiter.wait(self._ended, patience(self.name, timeout)):
+        if not self._waiter.wait(self._ended, timeout_seconds(self.name, timeout)):
             raise TimeoutError(f"{self.name}: not ended after {timeout:g} s; it continues")
-        self._look()
+        self._read_end()
         if self.error is not None:
             raise self.error
         return self
@@ -108,7 +108,7 @@ class Handle:
     def __await__(self) -> Generator[object, None, Handle]:
         """Wait within asyncio; cancelling the task cancels the wait, not the motion."""
         yield from _await(self, self._waiter).__await__()
-        self._look()
+        self._read_end()
         if self.error is not None:
             raise self.error
         return self
@@ -117,11 +117,11 @@ class Handle:
 
     def send(self, value: None) -> object:
         """Continue the wait of the present task, as asyncio does; ends by StopIteration."""
-        return self._wait_of_task().send(value)
+        return self._task_wait().send(value)
 
     def throw(self, *error: Any) -> object:
         """End the wait of the present task with an exception, as asyncio does when the task is cancelled."""
-        return self._wait_of_task().throw(*error)
+        return self._task_wait().throw(*error)
 
     def close(self) -> None:
         """Drop the wait of the present task; the command continues."""
@@ -129,10 +129,10 @@ class Handle:
         if waiting is not None:
             waiting.close()
 
-    def _wait_of_task(self) -> Generator[object, None, Handle]:
-        return self._tasks.setdefault(_task(), self._waited_by(_task()))
+    def _task_wait(self) -> Generator[object, None, Handle]:
+        return self._tasks.setdefault(_task(), self._begin_task_wait(_task()))
 
-    def _waited_by(self, task: int) -> Generator[object, None, Handle]:
+    def _begin_task_wait(self, task: int) -> Generator[object, None, Handle]:
         try:
             return (yield from self.__await__())
         finally:
@@ -176,24 +176,24 @@ class Handle:
             except BaseException as error:
                 if not is_own(error):
                     raise
-                _log_aside("a callback of %s failed", self.name, error)
+                _log_in_thread("a callback of %s failed", self.name, error)
 
     def _ended(self) -> bool:
         return self.status in ENDED
 
-    def _look(self) -> Status:
+    def _read_end(self) -> Status:
         if self._ended():
-            self._looked = True
+            self._was_read = True
         return self.status
 
     def __del__(self) -> None:
-        if self.status is Status.ERROR and not self._looked:
+        if self.status is Status.ERROR and not self._was_read:
             log.error("%s failed, and its handle was not read:\n%s", self.name, self.error)
 
 
-def look_at_end(handle: Handle) -> None:
+def mark_end_as_read(handle: Handle) -> None:
     """Mark the end of ``handle`` as read, so that its failure is not logged: another handle reports the reason."""
-    handle.add_done_callback(lambda: _look(handle))
+    handle.add_done_callback(lambda: _read_end(handle))
 
 
 def end_with(halt: Handle, error: BaseException | None) -> None:
@@ -212,20 +212,20 @@ def end_with(halt: Handle, error: BaseException | None) -> None:
             error.add_note(f"while halting: {failure}")
 
 
-def _look(handle: Handle) -> None:
+def _read_end(handle: Handle) -> None:
     handle.exception()
 
 
-def _log_aside(text: str, name: str, error: BaseException) -> None:
+def _log_in_thread(text: str, name: str, error: BaseException) -> None:
     """Log a failure with its traceback in a thread of its own, because reading the source files would delay the scan's thread."""
-    tell = partial(log.error, text, name, exc_info=error)
+    notify = partial(log.error, text, name, exc_info=error)
     if not in_thread_of_ours():
-        tell()
+        notify()
         return
     try:
-        threading.Thread(target=tell, name="log of axisbus", daemon=True).start()
+        threading.Thread(target=notify, name="log of axisbus", daemon=True).start()
     except RuntimeError:  # the interpreter is ending and starts no more threads
-        tell()
+        notify()
 
 
 def _task() -> int:
@@ -246,19 +246,19 @@ async def _await(handle: Handle, waiter: Waiter) -> None:
     loop = asyncio.get_running_loop()
     ended = loop.create_future()
 
-    def tell() -> None:
+    def notify() -> None:
         if not ended.done():
             ended.set_result(None)
 
-    def tell_loop() -> None:
+    def notify_loop() -> None:
         with suppress(RuntimeError):  # the loop is closed: no task waits any more
-            loop.call_soon_threadsafe(tell)
+            loop.call_soon_threadsafe(notify)
 
-    handle.add_done_callback(tell_loop)
+    handle.add_done_callback(notify_loop)
     await ended
 
 
-def patience(call: str, timeout: object) -> float | None:
+def timeout_seconds(call: str, timeout: object) -> float | None:
     """Return the maximum time in seconds that a call waits; None (also for infinity) means without limit.
 
     Raises:
@@ -269,7 +269,7 @@ def patience(call: str, timeout: object) -> float | None:
     found = number(timeout)
     if found is None:
         raise ArgumentError(
-            f"{call}: timeout {told(timeout)} is not a number of seconds",
+            f"{call}: timeout {short_repr(timeout)} is not a number of seconds",
             remedy="give seconds, such as 5.0, or None to wait without a limit; nothing was changed",
         )
     return found
@@ -283,7 +283,7 @@ def wait(*handles: Handle | Iterable[Handle], timeout: float | None = None) -> l
         ExceptionGroup: all failures, after all commands have ended. The first failure alone stops no axis; the fault policy does.
     """
     flat = _flatten(handles)
-    _wait_for_all(flat, patience("wait", timeout))
+    _wait_for_all(flat, timeout_seconds("wait", timeout))
     failures = [error for handle in flat if (error := handle.exception()) is not None]
     if failures:
         text = f"{len(failures)} of {counted(len(flat), 'command')} failed"

@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 from axisbus.cia401.port import SignalValidity
 from axisbus.cia401.signal import IoPoint, Value
 from axisbus.errors import ArgumentError, SignalTimeout, StaleError, UnknownNameError
-from axisbus.machine.handle import Handle, patience
+from axisbus.machine.handle import Handle, timeout_seconds
 from axisbus.motion.io import IoReading, SetOutputs, remedy_for
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 from axisbus.session import IO
 
 if TYPE_CHECKING:
     from axisbus.machine.command_dispatch import CommandDispatcher
     from axisbus.session import MachineSession
 
-_SLICE = 0.005  # seconds between two checks, in real time
+_CHECK_INTERVAL = 0.005  # seconds between two checks, in real time
 
 
 class Signal:
@@ -93,17 +93,17 @@ class Signal:
         """
         if not callable(value) and not isinstance(value, Real):
             raise ArgumentError(
-                f"{self.name}.wait: {told(value)} is not a possible value",
+                f"{self.name}.wait: {short_repr(value)} is not a possible value",
                 remedy="give a number, True, False, or a function of its value",
             )
         done: Callable[[Value], bool] = value if callable(value) else (lambda found: found == value)
         reading = self._known()
-        most = patience(f"{self.name}.wait", timeout)
-        until = math.inf if most is None else reading.now + most
+        limit = timeout_seconds(f"{self.name}.wait", timeout)
+        until = math.inf if limit is None else reading.now + limit
         while not done(found := self._shown(reading)):
             if reading.now >= until:
                 raise self._not_in_time(value, found, timeout)
-            self._session.waiter.wait(lambda: False, _SLICE)
+            self._session.waiter.wait(lambda: False, _CHECK_INTERVAL)
             reading = self._known()
         return found
 
@@ -134,7 +134,7 @@ class Signal:
     def _not_in_time(
         self, value: Value | Callable[[Value], bool], found: Value, timeout: float | None
     ) -> SignalTimeout:
-        wanted = "the expected value" if callable(value) else f"{told(value)}{self._in_unit}"
+        wanted = "the expected value" if callable(value) else f"{short_repr(value)}{self._in_unit}"
         return SignalTimeout(
             f"{self.name} did not become {wanted} within {timeout:g} s",
             signal=self.name,
@@ -156,7 +156,7 @@ class InputsOutputs(Mapping[str, Signal]):
         """Return an input or output; raises StateError if the cell has none of this name."""
         if not isinstance(name, str) or name not in self._signals:
             raise UnknownNameError(
-                f"the cell has no input or output {told(name)}",
+                f"the cell has no input or output {short_repr(name)}",
                 observed=f"it has {', '.join(self._signals) or 'none'}",
                 remedy=f"add [io.{name if isinstance(name, str) else 'NAME'}], or correct the name",
             )
@@ -175,7 +175,7 @@ class InputsOutputs(Mapping[str, Signal]):
         """Set several outputs in one cycle, all or none of them; otherwise as ``Signal.set``."""
         if not isinstance(values, Mapping) or not values:
             raise ArgumentError(
-                f"io.set: {told(values)} does not name an output",
+                f"io.set: {short_repr(values)} does not name an output",
                 remedy='give a value for each output, such as {"lamp": True}',
             )
         return set_outputs(self._commanding, {self[name]: value for name, value in values.items()})

@@ -27,7 +27,7 @@ from axisbus.machine.opening import attached, opened, out_of_reach, simulated
 from axisbus.machine.request import hold_of, override_of
 from axisbus.machine.signal_shutdown import EXIT, ShutdownRequest
 from axisbus.motion.group.commands import CellSetOverride
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.session import ClientProgram, LatenessReport, MachineSession
 
 if TYPE_CHECKING:  # programs that only use axes do not need these
@@ -41,7 +41,7 @@ if TYPE_CHECKING:  # programs that only use axes do not need these
     from axisbus.core.simulated_nodes import SimulatedNode
     from axisbus.machine.io import InputsOutputs
     from axisbus.machine.node_access import NodeAccess
-    from axisbus.machine.streaming.options import StreamWords
+    from axisbus.machine.streaming.options import StreamKeywords
     from axisbus.machine.streaming.points import PointStream
     from axisbus.machine.user_kinematics.kinematics import UserKinematics
     from axisbus.machine.web_process import WebPage
@@ -70,7 +70,7 @@ class Machine:
         self._commanding = CommandDispatcher(self.session)
         self._nodes: dict[int, NodeAccess] = {}
         self._io: InputsOutputs | None = None
-        self._roster = AxisRegistry(cell, core.booted, self._commanding, self.node)
+        self._registry = AxisRegistry(cell, core.booted, self._commanding, self.node)
         self._closing = Closing(self._leave, self.session.request_stop, self._core.in_cycle)
         self._recordings: list[Recording | Capture] = []
         self._pages: list[WebPage] = []
@@ -100,7 +100,7 @@ class Machine:
             BootError: a node did not come up (several: an ExceptionGroup of them).
             SyncError: another device is configured to send SYNC, and sends none, or not at scan_period.
         """
-        return cls(*opened(path, allow_other_master, shared))._begun()
+        return cls(*opened(path, allow_other_master, shared))._started()
 
     @classmethod
     def attach(cls, path: str | Path, *, command: bool = False, force: bool = False) -> Machine:
@@ -130,7 +130,7 @@ class Machine:
     def try_attach(cls, path: str | Path, *, command: bool = False, force: bool = False) -> Machine | None:
         """As ``attach``, but return None if no machine of this cell runs."""
         core = attached(path, command=command, take=force)
-        return None if core is None else cls(*core)._begun()
+        return None if core is None else cls(*core)._started()
 
     @classmethod
     def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
@@ -138,9 +138,9 @@ class Machine:
 
         ``devices`` replaces simulated drives, by node-ID. Raises as ``open``.
         """
-        return cls(*simulated(path, devices))._begun()
+        return cls(*simulated(path, devices))._started()
 
-    def _begun(self) -> Machine:
+    def _started(self) -> Machine:
         """Start the scan, and return this machine."""
         try:
             self._begin()
@@ -161,13 +161,13 @@ class Machine:
     # -- contents ----------------------------------------------------------------------------------------------------
 
     def __iter__(self) -> Iterator[Axis]:
-        return iter(self._roster.axes.values())
+        return iter(self._registry.axes.values())
 
     def __len__(self) -> int:
-        return len(self._roster.axes)
+        return len(self._registry.axes)
 
     def __contains__(self, name: object) -> bool:
-        return name in self._roster.axes
+        return name in self._registry.axes
 
     def __getitem__(self, name: str) -> Axis:
         """Return the axis ``name``.
@@ -175,7 +175,7 @@ class Machine:
         Raises:
             StateError: the cell has no such axis.
         """
-        return self._roster[name]
+        return self._registry[name]
 
     def __repr__(self) -> str:
         """Return the cell file's name and the axes, each with its state."""
@@ -191,12 +191,12 @@ class Machine:
     @property
     def axes(self) -> Mapping[str, Axis]:
         """The axes of the booted nodes, by name, in the order of cell.toml."""
-        return dict(self._roster.axes)
+        return dict(self._registry.axes)
 
     @property
     def groups(self) -> Mapping[str, Group]:
         """The groups of cell.toml with all of their axes present, by name."""
-        return self._roster.groups
+        return self._registry.groups
 
     def group(
         self,
@@ -212,7 +212,7 @@ class Machine:
             StateError: no such group or axis.
             ArgumentError: an axis is named twice, or as ``Group.with_kinematics``.
         """
-        group = self._roster.group(names)
+        group = self._registry.group(names)
         return group if kinematics is None else group.with_kinematics(kinematics, accuracy=accuracy)
 
     def gantry(self, name: str) -> Gantry:
@@ -221,7 +221,7 @@ class Machine:
         Raises:
             StateError: there is no such pair, or one of its axes is absent.
         """
-        return self._roster.gantry(name)
+        return self._registry.gantry(name)
 
     @property
     def override(self) -> float:
@@ -253,7 +253,7 @@ class Machine:
             self._io = InputsOutputs(ordered, self.session, self._commanding)
         return self._io
 
-    def stream(self, *names: str, **options: Unpack[StreamWords]) -> PointStream:
+    def stream(self, *names: str, **options: Unpack[StreamKeywords]) -> PointStream:
         """Follow points that this program gives at its own pace, with a group or the named axes: ``group(*names).stream(...)``.
 
         ``options`` and exceptions are those of ``Group.stream``; the exceptions of ``group`` are raised as well.
@@ -266,7 +266,7 @@ class Machine:
         parts = self._core.nodes.get(node_id) if known else None
         if parts is None:
             raise UnknownNameError(
-                f"the cell has no node {told(node_id)}",
+                f"the cell has no node {short_repr(node_id)}",
                 observed=f"it has {', '.join(map(str, self._core.nodes))}",
             )
         # a node that came up late has new parts
@@ -311,7 +311,7 @@ class Machine:
         """
         if not isinstance(node_id, int) or node_id not in self._core.stand_ins:
             raise StateError(
-                f"node {told(node_id)} is not simulated here",
+                f"node {short_repr(node_id)} is not simulated here",
                 remedy='simulated drives exist with interface = "sim"',
             )
         return self._core.stand_ins[node_id]
@@ -465,7 +465,7 @@ class Machine:
         passing = number(seconds)
         if passing is None:
             raise ArgumentError(
-                f"cell.sleep: {told(seconds)} is not a number of seconds",
+                f"cell.sleep: {short_repr(seconds)} is not a number of seconds",
                 remedy="give seconds, such as 0.5; no time has passed",
             )
         self.session.waiter.wait(lambda: False, passing)
@@ -563,7 +563,7 @@ class Machine:
         return self._last.picture(seconds, axes)
 
     def _joined(self, booted: Booted) -> None:
-        self._roster.join(booted)
+        self._registry.join(booted)
 
     # -- running and closing -----------------------------------------------------------------------------------------
 
@@ -671,7 +671,7 @@ class Machine:
         atexit.unregister(self._at_exit)
 
 
-EXIT.keep_within(Machine.__exit__, Machine.close, Machine._close)
+EXIT.defer_within(Machine.__exit__, Machine.close, Machine._close)
 
 
 def _newest(session: MachineSession) -> float:

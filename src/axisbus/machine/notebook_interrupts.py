@@ -21,9 +21,9 @@ from typing import Any
 
 from axisbus.interrupt_guard import postpone
 
-Heard = Callable[[FrameType | None], bool]
+InterruptHandler = Callable[[FrameType | None], bool]
 _BEFORE = "pre_execute"  # IPython's event before a cell, or before a callback of a button in its output
-_KEPT = "saved_sigint_handler"  # attribute of a kernel: the handler that it restores afterwards
+_STORED_HANDLER = "saved_sigint_handler"  # attribute of a kernel: the handler that it restores afterwards
 
 
 def shell() -> Any | None:
@@ -40,14 +40,14 @@ def interactive() -> bool:
 class Interrupt:
     """A handler of SIGINT; holds the handler that it has replaced."""
 
-    def __init__(self, heard: Heard, before: Any) -> None:
-        """``heard`` does the work of axisbus, and returns whether the replaced handler must not be called."""
-        self._heard = heard
+    def __init__(self, on_interrupt: InterruptHandler, before: Any) -> None:
+        """``on_interrupt`` does the work of axisbus, and returns whether the replaced handler must not be called."""
+        self._on_interrupt = on_interrupt
         self.before = before
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Handle the signal, then call the replaced handler: at once, or after the section that must not be interrupted."""
-        if not self._heard(frame) and not postpone(frame, lambda: self._pass_on(number, None)):
+        if not self._on_interrupt(frame) and not postpone(frame, lambda: self._pass_on(number, None)):
             self._pass_on(number, frame)
 
     def _pass_on(self, number: int, frame: FrameType | None) -> None:
@@ -60,14 +60,14 @@ class Interrupt:
 class Cells:
     """The cells of this program while a machine is open; holds the IPython shell that runs them."""
 
-    def __init__(self, heard: Heard, begins: Callable[[], None]) -> None:
-        """``heard``: as in ``Interrupt``; ``begins`` is called before each cell, in the thread that runs it."""
-        self._heard = heard
+    def __init__(self, on_interrupt: InterruptHandler, begins: Callable[[], None]) -> None:
+        """``on_interrupt``: as in ``Interrupt``; ``begins`` is called before each cell, in the thread that runs it."""
+        self._on_interrupt = on_interrupt
         self._begins = begins
         self._shell: Any | None = None
 
     @property
-    def there(self) -> bool:
+    def is_running(self) -> bool:
         """Whether this program runs in cells."""
         return self._shell is not None
 
@@ -85,9 +85,9 @@ class Cells:
         with suppress(ValueError):  # other code has removed all of them
             self._shell.events.unregister(_BEFORE, self._begins)
         kernel = self._kernel
-        kept = getattr(kernel, _KEPT, None)
-        if isinstance(kept, Interrupt):
-            setattr(kernel, _KEPT, kept.before)
+        stored = getattr(kernel, _STORED_HANDLER, None)
+        if isinstance(stored, Interrupt):
+            setattr(kernel, _STORED_HANDLER, stored.before)
         now = signal.getsignal(signal.SIGINT)
         if isinstance(now, Interrupt):
             signal.signal(signal.SIGINT, now.before if now.before is not None else signal.SIG_DFL)
@@ -97,10 +97,10 @@ class Cells:
         """Install the handler of axisbus, within and between the cells; main thread only."""
         now = signal.getsignal(signal.SIGINT)
         if not isinstance(now, Interrupt):
-            signal.signal(signal.SIGINT, Interrupt(self._heard, now))
+            signal.signal(signal.SIGINT, Interrupt(self._on_interrupt, now))
         kernel = self._kernel
-        if hasattr(kernel, _KEPT) and not isinstance(getattr(kernel, _KEPT), Interrupt):
-            setattr(kernel, _KEPT, Interrupt(self._heard, getattr(kernel, _KEPT)))
+        if hasattr(kernel, _STORED_HANDLER) and not isinstance(getattr(kernel, _STORED_HANDLER), Interrupt):
+            setattr(kernel, _STORED_HANDLER, Interrupt(self._on_interrupt, getattr(kernel, _STORED_HANDLER)))
 
     @property
     def _kernel(self) -> Any | None:

@@ -84,14 +84,14 @@ def out_of_reach(path: str | Path) -> str:
 
     cell, texts = reader.load(path), list[str]()
     for claim in found_of(cell):
-        who, why = ownership.described(claim.process), why_not(claim, cell.file)
+        program, why = ownership.described(claim.process), why_not(claim, cell.file)
         if not claim.cell.match(CellFileId.of(cell.file)):
             user = ownership.user_name(claim.user)
             texts.append(
-                f"its CAN channel is held by {who} of user {user}, which runs no machine of this file"
+                f"its CAN channel is held by {program} of user {user}, which runs no machine of this file"
             )
         elif why:
-            texts.append(f"{who} runs one {why}")
+            texts.append(f"{program} runs one {why}")
     return "; ".join(texts)
 
 
@@ -141,13 +141,13 @@ def boot(
     cell = checked(path, beside)
     lock, through = threading.Lock(), itertools.count(1)
 
-    def told(_: Booted) -> None:
+    def on_booted(_: Booted) -> None:
         if progress is not None:
             with lock:  # nodes boot in parallel
                 progress(next(through), len(cell.nodes))
 
     link = CanLink(cell, load_dictionaries(cell), on_program)
-    runtime = Runtime(link, sorted(cell.nodes), link.stand_ins, told)
+    runtime = Runtime(link, sorted(cell.nodes), link.stand_ins, on_booted)
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:

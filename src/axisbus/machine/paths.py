@@ -9,22 +9,24 @@ from typing import TypeVar
 from axisbus.errors import ArgumentError, AxisbusError, LimitError
 from axisbus.machine.axis import Axis
 from axisbus.machine.request import items_of
-from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, said
+from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, prefixed
 from axisbus.machine.user_kinematics.sampling import Sampling
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.group.commands import MovePath, PathTransition
 from axisbus.motion.group.kinematic_segment import KinematicSegment, survey
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.path import CycleVelocity, Part, Soft, way_of
+from axisbus.motion.group.path import CycleVelocity, JerkLimit, PathSegment, build_path
 from axisbus.motion.group.path_builder import arc_about, arc_through, polyline, require_end, window
 from axisbus.motion.group.sampled_segment import SampledSegment
-from axisbus.motion.group.segments import Arc, Corner, Piece, Place
-from axisbus.motion.numbers import number, told
-from axisbus.motion.override import FASTER
+from axisbus.motion.group.segments import Arc, Coordinates, Corner, GeometricSegment
+from axisbus.motion.numbers import number, short_repr
+from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.wording import counted
 
 T = TypeVar("T")
-MOST = 1000  # points of one path: they are sent to the core at once, which takes a millisecond of its time
+MAX_POINTS = (
+    1000  # points of one path: they are sent to the core at once, which takes a millisecond of its time
+)
 
 
 def one_each(axes: Collection[str], text: str, values: Sequence[float]) -> Sequence[float]:
@@ -44,20 +46,20 @@ def blend_of(text: str, blend: float, mode: BufferMode | None = None, axes: int 
     Raises:
         ArgumentError: not a distance; ``text`` names the call. A single axis (``axes`` is 1) has no corners.
     """
-    wide = number(blend)
-    if wide is None or wide < 0.0:
+    corner_distance = number(blend)
+    if corner_distance is None or corner_distance < 0.0:
         raise ArgumentError(
-            f"{text}: blend {told(blend)} is not a distance",
+            f"{text}: blend {short_repr(blend)} is not a distance",
             remedy="give the distance within which corners are cut, or 0 to stop at each",
         )
-    if wide == 0.0 and axes > 1 and mode is not None and mode.blends:
+    if corner_distance == 0.0 and axes > 1 and mode is not None and mode.blends:
         raise ArgumentError(
             f"{text}: without blend it would stop at the corner",
             observed=f'buffer is "{mode.value}", blend 0',
             remedy="give blend = the distance within which the corner may be cut, or let it begin at standstill: "
             'buffer="buffered"',
         )
-    return wide
+    return corner_distance
 
 
 class PathRequest:
@@ -72,7 +74,7 @@ class PathRequest:
         acceleration: float,
         jerk: float | None,
         *,
-        after: Place | None = None,
+        after: Coordinates | None = None,
         buffer: BufferMode | None = None,
         blend: float = 0.0,
         more: bool = False,
@@ -99,10 +101,10 @@ class PathRequest:
                     observed=f"its modulo is {axis.modulo:g} {axis.unit}",
                     remedy="leave it out of the group, or move it by its own trajectory",
                 )
-        start: Place = after or tuple(axis.commanded_position for axis in axes.values())
-        self._joints = start
+        start: Coordinates = after or tuple(axis.commanded_position for axis in axes.values())
+        self._axis_start = start
         self._kinematics = kinematics
-        self._start = start if kinematics is None else self._reached(lambda: kinematics.forward(start))
+        self._start = start if kinematics is None else self._within_reach(lambda: kinematics.forward(start))
         self._buffer, self._blend, self._more, self._extends = buffer, blend, more, extends
 
     @property
@@ -117,15 +119,17 @@ class PathRequest:
         Raises:
             LimitError, ArgumentError: a point is invalid, there are none or too many, or ``blend`` is no distance.
         """
-        if not 0 < len(points) <= MOST:
+        if not 0 < len(points) <= MAX_POINTS:
             raise ArgumentError(
-                f"{self._text}: a path has 1 to {MOST} points, this one has {len(points)}",
+                f"{self._text}: a path has 1 to {MAX_POINTS} points, this one has {len(points)}",
                 remedy="give its points in turn, as positions of the axes in the group's order",
             )
-        places = [self.point(f"point {place + 1}", point) for place, point in enumerate(points)]
+        checked_points = [self.point(f"point {number + 1}", point) for number, point in enumerate(points)]
         joins = self._takeover is not None
-        pieces, stops = polyline([self._start, *places], self._blend, joins=joins, more=joins or self._more)
-        return self._path(pieces, stops)
+        segments, stops = polyline(
+            [self._start, *checked_points], self._blend, joins=joins, more=joins or self._more
+        )
+        return self._path(segments, stops)
 
     def through(self, via: Sequence[float], end: Sequence[float]) -> MovePath:
         """Return the arc through ``via`` to ``end``.
@@ -151,7 +155,7 @@ class PathRequest:
         to = self.point("end", end)
         return self._arc(lambda: arc_about(self._start, middle, to, clockwise=clockwise))
 
-    def point(self, what: str, values: Sequence[float]) -> Place:
+    def point(self, what: str, values: Sequence[float]) -> Coordinates:
         """Return the position of ``values``, checked as an absolute move. A point in a workspace is checked with its path."""
         if self._kinematics is not None:
             for axis in self._axes.values():
@@ -176,7 +180,7 @@ class PathRequest:
     def _number(self, what: str, value: float) -> float:
         found = number(value)
         if found is None:
-            raise ArgumentError(f"{self._text}: {what} {told(value)} is not a finite number")
+            raise ArgumentError(f"{self._text}: {what} {short_repr(value)} is not a finite number")
         return found
 
     def _arc(self, make: Callable[[], Arc]) -> MovePath:
@@ -187,11 +191,13 @@ class PathRequest:
                 f"{self._text}: {error}", remedy="check the points, and the positions of the axes"
             ) from None
         if self._kinematics is None:
-            self._require_room(arc, "circle")
+            self._require_within_limits(arc, "circle")
         return self._path([arc], set())
 
-    def _require_room(self, piece: Arc | KinematicSegment, what: str) -> None:
-        for (name, axis), start, low, high in zip(self._axes.items(), self._joints, *piece.box, strict=True):
+    def _require_within_limits(self, segment: Arc | KinematicSegment, what: str) -> None:
+        for (name, axis), start, low, high in zip(
+            self._axes.items(), self._axis_start, *segment.box, strict=True
+        ):
             allowed = axis.room_from(start)
             if allowed is not None and not allowed[0] <= low <= high <= allowed[1]:
                 raise LimitError(
@@ -201,25 +207,27 @@ class PathRequest:
                     remedy=f"choose another {what}, or change position_limits in [axes.{name}] of cell.toml",
                 )
 
-    def _bent(self, pieces: Sequence[Piece], kinematics: Kinematics) -> list[KinematicSegment]:
+    def _kinematic_segments(
+        self, segments: Sequence[GeometricSegment], kinematics: Kinematics
+    ) -> list[KinematicSegment]:
         """Return the segments as paths of the axes, each checked for reach and limits."""
-        found = [KinematicSegment(piece, kinematics) for piece in pieces]
-        for piece in found:
-            self._reached(lambda piece=piece: survey(piece))  # type: ignore[misc]
-            self._require_room(piece, "way")
+        found = [KinematicSegment(segment, kinematics) for segment in segments]
+        for segment in found:
+            self._within_reach(lambda segment=segment: survey(segment))  # type: ignore[misc]
+            self._require_within_limits(segment, "way")
         return found
 
     def _sampled(
-        self, pieces: Sequence[Piece], stops: Collection[int], own: UserKinematicsAdapter
+        self, segments: Sequence[GeometricSegment], stops: Collection[int], own: UserKinematicsAdapter
     ) -> list[SampledSegment]:
         """Return the segments as paths of the axes, by the user's own kinematics, each checked for reach and limits."""
-        return Sampling(own, pieces, stops, self._joints, self._text).tables()
+        return Sampling(own, segments, stops, self._axis_start, self._text).sampled_segments()
 
-    def _reached(self, make: Callable[[], T]) -> T:
+    def _within_reach(self, make: Callable[[], T]) -> T:
         try:
             return make()
         except AxisbusError as error:  # raised by the user's own kinematics
-            raise said(self._text, error) from error
+            raise prefixed(self._text, error) from error
         except ValueError as error:
             raise LimitError(
                 f"{self._text}: the path leaves the reach of the machine",
@@ -228,31 +236,31 @@ class PathRequest:
                 "folded arms",
             ) from None
 
-    def _path(self, straight: Sequence[Piece], stops: set[int]) -> MovePath:
-        pieces: Sequence[Part] = straight
+    def _path(self, straight: Sequence[GeometricSegment], stops: set[int]) -> MovePath:
+        segments: Sequence[PathSegment] = straight
         if isinstance(self._kinematics, UserKinematicsAdapter):
-            pieces = self._sampled(straight, stops, self._kinematics)
+            segments = self._sampled(straight, stops, self._kinematics)
         elif self._kinematics is not None:
-            pieces = self._bent(straight, self._kinematics)
+            segments = self._kinematic_segments(straight, self._kinematics)
         limits = [axis.limits for axis in self._axes.values()]
         period = next(iter(self._axes.values())).scan_period
         plan = partial(
-            way_of, pieces, limits, self._acceleration, stops, CycleVelocity(self._velocity, period)
+            build_path, segments, limits, self._acceleration, stops, CycleVelocity(self._velocity, period)
         )
-        way = plan()
-        hardest = max(way.ramps)
+        path = plan()
+        hardest = max(path.ramps)
         cycles = window(hardest, self._jerk, period, self._text)
-        if self._jerk is not None and len(way.tops) > 1:
+        if self._jerk is not None and len(path.max_speeds) > 1:
             self._require_no_corner(straight)
-            way = plan(Soft(self._jerk, cycles * period, hardest, FASTER * self._velocity))
-        require_end(way, self._velocity, self._text)
+            path = plan(JerkLimit(self._jerk, cycles * period, hardest, MAX_OVERRIDE * self._velocity))
+        require_end(path, self._velocity, self._text)
         waits = self._buffer is BufferMode.BUFFERED
-        return MovePath(tuple(self._axes), way, self._velocity, cycles, waits, self._takeover)
+        return MovePath(tuple(self._axes), path, self._velocity, cycles, waits, self._takeover)
 
-    def _require_no_corner(self, pieces: Sequence[Piece]) -> None:
+    def _require_no_corner(self, segments: Sequence[GeometricSegment]) -> None:
         """Raise ArgumentError for corners by the user's own kinematics: the curvature between their samples is unknown."""
         if isinstance(self._kinematics, UserKinematicsAdapter) and any(
-            isinstance(piece, Corner) for piece in pieces
+            isinstance(segment, Corner) for segment in segments
         ):
             raise ArgumentError(
                 f"{self._text}: jerk cannot be limited along this path",

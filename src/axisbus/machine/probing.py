@@ -12,12 +12,12 @@ from axisbus.cia402 import objects
 from axisbus.cia402.port import Waiter
 from axisbus.cia402.touch_probe import INPUTS, POSITIONS, Edge, ProbeSource
 from axisbus.errors import ArgumentError, StateError
-from axisbus.machine.handle import Handle, look_at_end, patience
+from axisbus.machine.handle import Handle, mark_end_as_read, timeout_seconds
 from axisbus.machine.request import AxisCall, flag_of
 from axisbus.motion.command_status import ProbeCapture, Status
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import object_text
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 from axisbus.motion.parameters import AxisParameters, Units
 from axisbus.session import CommandEvent
 
@@ -139,10 +139,10 @@ class ProbeHandle(Handle):
     def __exit__(self, *_: object) -> None:
         if self.busy:
             # if the node is lost or the machine is closed, this request has reported the reason
-            look_at_end(self.cancel())
+            mark_end_as_read(self.cancel())
 
     def _wait_for(self, happened: Callable[[], bool], timeout: float | None, what: str) -> None:
-        if not self._waiter.wait(happened, patience(self.name, timeout)):
+        if not self._waiter.wait(happened, timeout_seconds(self.name, timeout)):
             raise TimeoutError(f"{self.name}: {what} after {timeout:g} s; the request continues")
 
 
@@ -155,7 +155,7 @@ def input_number(request: AxisCall, number: object) -> int:
     """Return the number of an input; raises ArgumentError."""
     if isinstance(number, bool) or not isinstance(number, int) or number not in INPUTS:
         raise ArgumentError(
-            f"{request.text}: a touch probe has the inputs 1 and 2", observed=f"input is {told(number)}"
+            f"{request.text}: a touch probe has the inputs 1 and 2", observed=f"input is {short_repr(number)}"
         )
     return number
 
@@ -213,7 +213,9 @@ def _choice(request: AxisCall, what: str, given: object, choices: dict[str, _T])
     found = choices.get(given) if isinstance(given, str) else None
     if found is None:
         known = ", ".join(f'"{name}"' for name in choices)
-        raise ArgumentError(f"{request.text}: {what} must be one of {known}", observed=f"it is {told(given)}")
+        raise ArgumentError(
+            f"{request.text}: {what} must be one of {known}", observed=f"it is {short_repr(given)}"
+        )
     return found
 
 
@@ -223,7 +225,7 @@ def _window(request: AxisCall, window: object, *, endless: bool) -> tuple[float,
     if not isinstance(window, tuple | list) or len(window) != 2:
         raise ArgumentError(
             f"{request.text}: window must be two positions",
-            observed=f"it is {told(window)}",
+            observed=f"it is {short_repr(window)}",
             remedy="give two numbers",
         )
     low, high = (request.finite("window", edge) for edge in window)

@@ -12,28 +12,28 @@ from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.commands import CyclicVelocity, MoveSuperimposed
 from axisbus.motion.jerk.drive_profile_type import has_shape
 from axisbus.motion.moves.profile import MoveProfile
-from axisbus.motion.numbers import flag, items, number, told
-from axisbus.motion.override import FASTER
+from axisbus.motion.numbers import flag, items, number, short_repr
+from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_limit_check import Ramped, pace_of
+from axisbus.motion.path_limit_check import Ramped, limit_check_of
 from axisbus.motion.point_stream.curve_fit import STILL
 from axisbus.motion.position_limits import LookaheadTrajectory, widened
 from axisbus.motion.trajectory import Trajectory
 from axisbus.units import Scale, toward_zero, whole_above, whole_below
 
 _COUNTABLE = 2.0**63  # increments: no object can hold more
-_HOLDS = 0.05, 60.0  # seconds: the shortest is a few cycles; a longer time protects nothing
+_HOLD_TO_RUN_TIMES = 0.05, 60.0  # seconds: the shortest is a few cycles; a longer time protects nothing
 _ROUNDING = 1.000001  # relative tolerance for a computed velocity, acceleration or torque
 
 
 def shown(value: object) -> str:
     """Return a number as a call would show it; any other value as Python does."""
     if not isinstance(value, Real) or isinstance(value, bool):
-        return told(value)
+        return short_repr(value)
     try:
         return f"{float(value):g}"
     except Exception:  # noqa: BLE001  # larger than any float
-        return told(value)
+        return short_repr(value)
 
 
 def flag_of(call: str, what: str, value: object) -> bool:
@@ -41,7 +41,8 @@ def flag_of(call: str, what: str, value: object) -> bool:
     found = flag(value)
     if found is None:
         raise ArgumentError(
-            f"{call}: {what} {told(value)} is neither True nor False", remedy=f"give {what} as True or False"
+            f"{call}: {what} {short_repr(value)} is neither True nor False",
+            remedy=f"give {what} as True or False",
         )
     return found
 
@@ -51,7 +52,7 @@ def items_of(call: str, what: str, values: object) -> tuple[Any, ...]:
     found = items(values)
     if found is None:
         raise ArgumentError(
-            f"{call}: {told(values)} is not a sequence of {what}",
+            f"{call}: {short_repr(values)} is not a sequence of {what}",
             remedy=f"give the {what} in a list or tuple",
         )
     return found
@@ -64,9 +65,9 @@ def override_of(call: str, factor: float) -> float:
         ArgumentError: it is out of range, or no number.
     """
     found = number(factor)
-    if found is None or not 0.0 <= found <= FASTER:
+    if found is None or not 0.0 <= found <= MAX_OVERRIDE:
         raise ArgumentError(
-            f"{call}({told(factor)}): an override must be a number from 0 to {FASTER:g}",
+            f"{call}({short_repr(factor)}): an override must be a number from 0 to {MAX_OVERRIDE:g}",
             remedy="1 is the velocity of the command; 0 holds the motion on its path",
         )
     return found
@@ -79,9 +80,9 @@ def hold_of(call: str, seconds: float) -> float:
         ArgumentError: it is out of range, or no number.
     """
     found = number(seconds)
-    if found is None or not _HOLDS[0] <= found <= _HOLDS[1]:
+    if found is None or not _HOLD_TO_RUN_TIMES[0] <= found <= _HOLD_TO_RUN_TIMES[1]:
         raise ArgumentError(
-            f"{call}({told(seconds)}): that is not a time from {_HOLDS[0]:g} to {_HOLDS[1]:g} s",
+            f"{call}({short_repr(seconds)}): that is not a time from {_HOLD_TO_RUN_TIMES[0]:g} to {_HOLD_TO_RUN_TIMES[1]:g} s",
             remedy="give several times the interval between two calls; None ends it",
         )
     return found
@@ -99,7 +100,7 @@ def buffering_of(call: str, buffer: bool | str) -> BufferMode | None:
         return BufferMode(buffer)
     except ValueError:
         raise ArgumentError(
-            f"{call}: buffer {told(buffer)} is not a buffer mode",
+            f"{call}: buffer {short_repr(buffer)} is not a buffer mode",
             remedy=f"give True or one of {', '.join(mode.value for mode in BufferMode)}; or leave it out: then the present "
             "motion is replaced",
         ) from None
@@ -124,7 +125,7 @@ class AxisCall:
         found = number(value)
         if found is None:
             raise ArgumentError(
-                f"{self.text}: {what} {told(value)} is not a finite number",
+                f"{self.text}: {what} {short_repr(value)} is not a finite number",
                 remedy=f"give {what} as a number in {self._unit if unit is None else unit}, and check the computation of "
                 "this value",
             )
@@ -160,7 +161,7 @@ class AxisCall:
             raw = min(max(raw, whole_above(low)), whole_below(high))
         return self._fits(raw, DataType.INTEGER32, "607Ah")
 
-    def place(self, position: float) -> int:
+    def checked_position(self, position: float) -> int:
         """Return the value for the actual position (``set_position``), in increments."""
         value = self.finite("position", position) * self._parameters.units.position.factor
         return self._fits(
@@ -176,8 +177,8 @@ class AxisCall:
 
     def torque(self, torque: float, object_text: str = "6071h") -> int:
         """Return a torque (N·m, signed) in 0.1 % of rated torque."""
-        limits, asked = self._parameters.limits, self.finite("torque", torque, "N·m")
-        torque = self._within("torque", asked, "N·m", limits.torque_key, limits.torque)
+        limits, requested = self._parameters.limits, self.finite("torque", torque, "N·m")
+        torque = self._within("torque", requested, "N·m", limits.torque_key, limits.torque)
         self._countable(torque / self._rated_torque * 1000, DataType.INTEGER16, object_text)
         return self._fits(
             toward_zero(torque / self._rated_torque * 1000),
@@ -221,7 +222,7 @@ class AxisCall:
             raise self.missing("slope", "torque_slope in N·m/s", "defaults")
         if not own:
             raise LimitError(
-                f"{self.text}: slope {told(slope)} N·m/s is less than 0.1 % of rated torque per second",
+                f"{self.text}: slope {short_repr(slope)} N·m/s is less than 0.1 % of rated torque per second",
                 observed=f"the rated torque is {abs(self._rated_torque):g} N·m",
                 remedy="give a steeper slope",
             )
@@ -416,10 +417,10 @@ class AxisCall:
         """Check the duration of a trajectory, and its range and velocity if they are known in advance."""
         self.finite("the trajectory's duration", trajectory.duration, "s")
         limits = self._parameters.limits
-        self._check_pace(trajectory)
+        self._check_limits_known(trajectory)
         if isinstance(trajectory, LookaheadTrajectory):
             if limits.position is not None:
-                self._check_span(trajectory.span, trajectory.position(0.0), limits.position)
+                self._check_range(trajectory.span, trajectory.position(0.0), limits.position)
             self._velocity(trajectory.top_speed)
         elif limits.position is not None and self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked ahead of position_limits"
@@ -434,9 +435,9 @@ class AxisCall:
         if self._parameters.path_deceleration is None:
             what = "the acceleration with which it is braked if no point comes in time"
             raise self.missing("acceleration", what, "defaults", in_call=False)
-        self._check_pace(STILL)
+        self._check_limits_known(STILL)
 
-    def led(self) -> None:
+    def coupled(self) -> None:
         """Check that a slave can be braked without its master.
 
         Raises:
@@ -446,16 +447,16 @@ class AxisCall:
             what = "the acceleration with which it is braked when its master is lost"
             raise self.missing("acceleration", what, "defaults", in_call=False)
 
-    def _check_pace(self, trajectory: Trajectory) -> None:
+    def _check_limits_known(self, trajectory: Trajectory) -> None:
         """Check the acceleration against the limit if it is known in advance. Refuse if no limit would detect a jump."""
         if isinstance(trajectory, Ramped):
             self._acceleration(trajectory.top_acceleration)
-        pace = pace_of(self._parameters, trajectory)
-        if pace.velocity is None and pace.acceleration is None:
+        limit_check = limit_check_of(self._parameters, trajectory)
+        if limit_check.velocity is None and limit_check.acceleration is None:
             what = f"the highest velocity of the axis, in {self._unit}/s, with which a jump of the trajectory is detected"
             raise self.missing("max_velocity", what, in_call=False)
 
-    def _check_span(self, span: tuple[float, float], start: float, limits: tuple[float, float]) -> None:
+    def _check_range(self, span: tuple[float, float], start: float, limits: tuple[float, float]) -> None:
         """Check the range of a trajectory against the limits; a trajectory that starts outside may return."""
         margin = abs(self._parameters.units.position.to_units(1))
         low, high = widened(limits, start, margin)

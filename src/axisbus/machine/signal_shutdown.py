@@ -73,8 +73,8 @@ _MOMENT = 2.0  # seconds in which a halted axis may still move
 # again, to the main thread. That second signal is an echo and is not counted again.
 
 
-_PATIENCE = 0.2  # seconds that the handler may take before the main thread is woken
-_LOOK = 0.5  # seconds
+_HANDLER_TIME = 0.2  # seconds that the handler may take before the main thread is woken
+_CHECK_INTERVAL = 0.5  # seconds
 _NOBODY = -1
 _END = b"\0"
 
@@ -88,13 +88,13 @@ class Wakeup:
         heard: Callable[[int], None],
         handled: Callable[[], bool],
         ends: tuple[OwnSocket, OwnSocket],
-        look: Callable[[], None] = lambda: None,
+        periodic_check: Callable[[], None] = lambda: None,
     ) -> None:
         """``handled`` returns whether the handler has run for all signals so far; both functions are called in the thread.
 
-        ``ends``: the sockets for reading and for writing, owned by the caller. ``look`` is called periodically.
+        ``ends``: the sockets for reading and for writing, owned by the caller. ``periodic_check`` is called periodically.
         """
-        self._look = look
+        self._periodic_check = periodic_check
         self._numbers = numbers
         self._heard = heard
         self._handled = handled
@@ -139,8 +139,8 @@ class Wakeup:
         """
         with suppress(OSError), selectors.DefaultSelector() as selector:
             selector.register(self._inside, selectors.EVENT_READ)
-            while not selector.select(_LOOK):
-                self._look()
+            while not selector.select(_CHECK_INTERVAL):
+                self._periodic_check()
             return self._inside.recv(1)
         return b""
 
@@ -152,7 +152,7 @@ class Wakeup:
         if number not in self._numbers:
             return
         self._heard(number)
-        timer = threading.Timer(_PATIENCE, self._wake, (number,))
+        timer = threading.Timer(_HANDLER_TIME, self._wake, (number,))
         timer.daemon = True
         timer.start()
 
@@ -192,7 +192,7 @@ class ExitSignals:
     """
 
     def __init__(self) -> None:
-        self._keeps: frozenset[CodeType] = frozenset({ExitSignals._handle.__code__})
+        self._closing_code: frozenset[CodeType] = frozenset({ExitSignals._handle.__code__})
         self._lock = threading.Lock()  # never acquired by a handler
         self._sessions: dict[AxisSession, int] = {}  # with the number of signals that came before the session
         self._halted: dict[
@@ -209,9 +209,9 @@ class ExitSignals:
         self._handled = 0
         self.pending: BaseException | None = None
 
-    def keep_within(self, *leaving: Callable[..., object]) -> None:
+    def defer_within(self, *leaving: Callable[..., object]) -> None:
         """Raise nothing while one of these functions runs in the main thread: they close a machine."""
-        self._keeps |= {function.__code__ for function in leaving}
+        self._closing_code |= {function.__code__ for function in leaving}
 
     def join(self, session: AxisSession, *, listen: bool, alone: bool = False) -> None:
         """Let signals stop ``session``. In the main thread, also install the handlers.
@@ -220,7 +220,7 @@ class ExitSignals:
         process.
         """
         with self._lock:
-            self._sessions = {**self._sessions, session: self._came}
+            self._sessions = {**self._sessions, session: self._signal_count}
         self._cells.begin()
         self._listens = self._listens or listen
         self._alone = self._alone or alone
@@ -270,7 +270,7 @@ class ExitSignals:
     @property
     def in_cells(self) -> bool:
         """Whether this program runs in cells, so that Ctrl-C ends a cell and not the program."""
-        return self._cells.there or shell() is not None
+        return self._cells.is_running or shell() is not None
 
     @property
     def listens(self) -> bool:
@@ -278,12 +278,12 @@ class ExitSignals:
         return self._wakeup is not None
 
     @property
-    def _came(self) -> int:
+    def _signal_count(self) -> int:
         return max(self._heard, self._handled)
 
     def _take_over(self) -> None:
         for number in map(signal.Signals, STOPPING):
-            if number == signal.SIGINT and self._cells.there:
+            if number == signal.SIGINT and self._cells.is_running:
                 self._cells.take_over()
                 continue
             now = signal.getsignal(number)
@@ -295,7 +295,7 @@ class ExitSignals:
                 self._before[number] = signal.SIG_DFL
                 signal.signal(number, self._handle)
 
-    def _look(self) -> None:
+    def _periodic_check(self) -> None:
         """Log once that a signal is ignored, because a user may want to stop the axes with it; in the listening thread."""
         for number, name in STOPPING.items():
             ignored = self._sessions and signal.getsignal(number) is signal.SIG_IGN
@@ -312,9 +312,9 @@ class ExitSignals:
         if self._wakeup is not None:
             self._wakeup.renew()
         elif self._listens:
-            self._handled = self._heard = self._came
+            self._handled = self._heard = self._signal_count
             self._wakeup = Wakeup(
-                _NAMES, self._hear, lambda: self._handled >= self._heard, self.ends, self._look
+                _NAMES, self._hear, lambda: self._handled >= self._heard, self.ends, self._periodic_check
             )
             self._wakeup.start()
 
@@ -350,7 +350,7 @@ class ExitSignals:
             return
         self._handled += 1
         if self._handled > self._heard:  # the listening thread is absent, or later than this handler
-            self._ask(number, self._handled)
+            self._request_stop(number, self._handled)
         error: BaseException = KeyboardInterrupt() if number == signal.SIGINT else SystemExit(128 + number)
         if self._interrupts_us(frame):
             self.pending = error
@@ -365,7 +365,7 @@ class ExitSignals:
         if not self._sessions:
             return False
         self._handled = max(self._handled + 1, self._heard)
-        self._ask(signal.SIGINT, self._handled)
+        self._request_stop(signal.SIGINT, self._handled)
         leaving = self._interrupts_us(frame)
         if leaving:
             self.pending = KeyboardInterrupt()
@@ -384,7 +384,7 @@ class ExitSignals:
     def _interrupts_us(self, frame: FrameType | None) -> bool:
         """Whether the signal came while a machine was being closed, or within the handler of another signal."""
         while frame is not None:
-            if frame.f_code in self._keeps:
+            if frame.f_code in self._closing_code:
                 return True
             frame = frame.f_back
         return False
@@ -398,12 +398,12 @@ class ExitSignals:
         self._heard += 1
         if not ours:  # the other handler's owner need not be woken
             self._handled = self._heard
-        self._ask(number, self._heard)
+        self._request_stop(number, self._heard)
 
     def _is_halt(self, number: int) -> bool:
-        return number == signal.SIGINT and self._cells.there
+        return number == signal.SIGINT and self._cells.is_running
 
-    def _ask(self, number: int, count: int) -> None:
+    def _request_stop(self, number: int, count: int) -> None:
         for session, before in self._sessions.items():
             if self._is_halt(number) and session.leaving_because is None:
                 self._halted[session] = count, time.monotonic()
@@ -429,20 +429,20 @@ disown_in_children(EXIT)
 
 if sys.platform != "win32":
 
-    class _Held(threading.local):
+    class _BlockedSignals(threading.local):
         """The signal mask of a thread that forks."""
 
         mask: set[int] | None = None
 
-    _held = _Held()
+    _blocked = _BlockedSignals()
 
     def _before_fork() -> None:
         """Block the signals: the child would otherwise handle a signal as its parent before it has given up the handlers."""
         if EXIT.listens:
-            _held.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _NAMES)
+            _blocked.mask = signal.pthread_sigmask(signal.SIG_BLOCK, _NAMES)
 
     def _after_fork() -> None:
-        mask, _held.mask = _held.mask, None
+        mask, _blocked.mask = _blocked.mask, None
         if mask is not None:
             signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 

@@ -42,81 +42,85 @@ from axisbus.core.process.listener import (
 from axisbus.errors import BusError, ScanError, one_line
 from axisbus.link import StopResult
 
-_SOON = 1.0  # seconds for the answer of a machine if its drives can be stopped on the bus
-_PATIENCE = 5.0  # seconds if they cannot
+_SHORT_TIMEOUT = 1.0  # seconds for the answer of a machine if its drives can be stopped on the bus
+_LONG_TIMEOUT = 5.0  # seconds if they cannot
 _NOWHERE = (
     "NOT REACHED: no machine of this cell was found here, and simulated drives exist only in their machine"
 )
 
 
-def stop_cell(cell: CellConfig, tell: Callable[[str], None]) -> tuple[list[StopResult], bool]:
+def stop_cell(cell: CellConfig, report: Callable[[str], None]) -> tuple[list[StopResult], bool]:
     """Stop every axis of a cell; return the result of each axis, and whether drives were stopped on the bus. Blocks.
 
-    ``tell`` is called with texts about machines that were found and not reached. Blocks and raises as ``stop_beside``.
+    ``report`` is called with texts about machines that were found and not reached. Blocks and raises as ``stop_on_bus``.
     """
     simulated = cell.bus.interface == SIMULATED
-    asked = _ask(cell.file, found_of(cell), StopRequest(), _PATIENCE if simulated else _SOON, tell)
+    contacted = _contact(
+        cell.file, found_of(cell), StopRequest(), _LONG_TIMEOUT if simulated else _SHORT_TIMEOUT, report
+    )
     if simulated:
-        return _answers(cell.axes, asked) or [StopResult(name, False, _NOWHERE) for name in cell.axes], False
-    answered = [(claim, answer) for claim, answer in asked if answer is not None]
+        return _answers(cell.axes, contacted) or [
+            StopResult(name, False, _NOWHERE) for name in cell.axes
+        ], False
+    answered = [(claim, answer) for claim, answer in contacted if answer is not None]
     own = [answer for claim, answer in answered if _is_of(cell, claim, answer)]
-    if len(answered) < len(asked):
+    if len(answered) < len(contacted):
         own = []  # a master that was not reached can move its axes again
     seen = {each.axis: each for answer in own for each in answer.axes if each.ok}
     if own and seen.keys() >= cell.axes.keys():
         return list(seen.values()), False
-    left = cell.driven.keys() - seen.keys()
+    remaining = cell.driven.keys() - seen.keys()
     for answer in own:
         for each in answer.axes:
             if not each.ok:
-                tell(f"{each.axis}: {each.text}; so this program stops its drive directly")
-    return [*seen.values(), *stop_beside(cell, left)], True
+                report(f"{each.axis}: {each.text}; so this program stops its drive directly")
+    return [*seen.values(), *stop_on_bus(cell, remaining)], True
 
 
 def stop_in_machine(
-    file: str, names: Sequence[str], tell: Callable[[str], None], *, quick: bool
+    file: str, names: Sequence[str], report: Callable[[str], None], *, quick: bool
 ) -> list[StopResult]:
     """Halt or quick-stop axes in the running machine of a cell file; return the result of each axis. Blocks.
 
     If ``names`` is empty, all axes are stopped. If no machine was reached, the result is empty. The present text of the file is not
-    checked. ``tell`` is called with texts about machines that were not reached.
+    checked. ``report`` is called with texts about machines that were not reached.
     """
-    asked = _ask(file, machines_of(file), StopRequest(tuple(names), quick), _PATIENCE, tell)
-    return _answers(names, asked) if any(answer for _, answer in asked) else []
+    contacted = _contact(file, machines_of(file), StopRequest(tuple(names), quick), _LONG_TIMEOUT, report)
+    return _answers(names, contacted) if any(answer for _, answer in contacted) else []
 
 
-def _ask(
+def _contact(
     file: str,
     found: Sequence[ChannelClaim],
     request: StopRequest,
-    patience: float,
-    tell: Callable[[str], None],
+    timeout: float,
+    report: Callable[[str], None],
 ) -> list[tuple[ChannelClaim, StopAnswer | None]]:
     """Ask machines to stop axes; return the answer of each, None if it was not reached.
 
     Machines of another user are only reported.
     """
-    asked: list[tuple[ChannelClaim, StopAnswer | None]] = []
+    contacted: list[tuple[ChannelClaim, StopAnswer | None]] = []
     for claim in found:
         why, answer = why_not(claim, file), None
         if why:
-            tell(f"no stop request was sent: {described(claim.process)} runs the machine {why}")
+            report(f"no stop request was sent: {described(claim.process)} runs the machine {why}")
         else:
             try:
-                answer = ask_to_stop(claim, request, patience)
+                answer = ask_to_stop(claim, request, timeout)
             except ScanError as error:
-                tell(one_line(error))
+                report(one_line(error))
         if is_trusted(claim, file):
-            asked.append((claim, answer))
-    return asked
+            contacted.append((claim, answer))
+    return contacted
 
 
 def _answers(
-    names: Iterable[str], asked: Sequence[tuple[ChannelClaim, StopAnswer | None]]
+    names: Iterable[str], contacted: Sequence[tuple[ChannelClaim, StopAnswer | None]]
 ) -> list[StopResult]:
     """Return the results of all machines that were asked. The axes of a machine that was not reached count as not stopped."""
     results = list[StopResult]()
-    for claim, answer in asked:
+    for claim, answer in contacted:
         text = f"NOT REACHED in the machine that {described(claim.process)} runs"
         results += [StopResult(name, False, text) for name in names] if answer is None else answer.axes
     return results
@@ -127,7 +131,7 @@ def _is_of(cell: CellConfig, claim: ChannelClaim, answer: StopAnswer) -> bool:
     return claim.cell.match(CellFileId.of(cell.file)) and answer.text == text_of(cell.file)
 
 
-def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[StopResult]:
+def stop_on_bus(cell: CellConfig, names: Collection[str] | None = None) -> list[StopResult]:
     """Stop every axis of a cell on its bus, or those of ``names``; blocks until all are at standstill, at most about 12 s.
 
     Energises and configures nothing.
@@ -146,10 +150,10 @@ def stop_beside(cell: CellConfig, names: Collection[str] | None = None) -> list[
             partial(_stop, cell, node, wanted) for node in nodes if names is None or _has(cell, node, wanted)
         ]
         results = in_parallel(channel.clock, lambda stop: stop(), [*stops, *stops_of(cell, channel, wanted)])
-    held = holding(cell)
+    locked = holding(cell)
     return [
         replace(result, text=f"{result.text}; a running master can move it again")
-        if result.ok and result.axis in held
+        if result.ok and result.axis in locked
         else result
         for each in results
         for result in each

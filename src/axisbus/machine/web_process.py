@@ -15,8 +15,8 @@ from axisbus.core.process.launch import require_joinable_system
 from axisbus.errors import StateError
 from axisbus.optional_dependencies import require
 
-_STARTS = 30.0  # seconds until a page must be served
-_ENDS = 5.0  # seconds that it may take to end, before it is killed
+_START_TIMEOUT = 30.0  # seconds until a page must be served
+_END_TIMEOUT = 5.0  # seconds that it may take to end, before it is killed
 _LINK = "http"
 
 
@@ -38,7 +38,7 @@ class WebPage:
             stderr=self._errors,
         )
         try:
-            self.link = self._told()
+            self.link = self._read_link()
         except BaseException:
             self.close()
             raise
@@ -53,7 +53,7 @@ class WebPage:
         if self.runs:
             self._process.terminate()
             try:
-                self._process.wait(_ENDS)
+                self._process.wait(_END_TIMEOUT)
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
@@ -76,17 +76,17 @@ class WebPage:
         assert self._process.stdout is not None
         return self._process.stdout
 
-    def _told(self) -> str:
+    def _read_link(self) -> str:
         """Return the link that the process prints when it serves the page."""
-        until, told = time.monotonic() + _STARTS, b""
+        until, output = time.monotonic() + _START_TIMEOUT, b""
         while (left := until - time.monotonic()) > 0.0:
             if not select.select([self._stdout], [], [], left)[0]:
                 break
             more = os.read(self._stdout.fileno(), 4096)
-            told += more
-            if not more or b"\n" in told:
+            output += more
+            if not more or b"\n" in output:
                 break
-        words = [word for word in told.decode("utf-8", "replace").split() if word.startswith(_LINK)]
+        words = [word for word in output.decode("utf-8", "replace").split() if word.startswith(_LINK)]
         if not words:
             raise self._not_served()
         return words[0]
@@ -97,7 +97,8 @@ class WebPage:
         self._errors.seek(0)
         return StateError(
             "the page could not be served",
-            observed=self._errors.read().strip() or f"its program reported no link within {_STARTS:g} s",
+            observed=self._errors.read().strip()
+            or f"its program reported no link within {_START_TIMEOUT:g} s",
             remedy="correct the cause that it prints; axisbus web CELL serves the page as well",
         )
 

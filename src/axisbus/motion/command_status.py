@@ -45,17 +45,17 @@ ENDED = frozenset({Status.DONE, Status.ABORTED, Status.ERROR})
 class CommandStatus:
     """Status of one command; only the core changes it.
 
-    ``hear`` is called when the command takes control and when it ends; it must not raise. ``note`` gives additional information
-    about an end without error. ``capture`` is the position that a touch probe has latched; it is set only while ``hear`` is called
-    for it.
+    ``on_change`` is called when the command takes control and when it ends; it must not raise. ``note`` gives additional
+    information about an end without error. ``capture`` is the position that a touch probe has latched; it is set only while
+    ``on_change`` is called for it.
     """
 
-    __slots__ = ("_after", "_hear", "capture", "error", "name", "note", "number", "status")
+    __slots__ = ("_after", "_on_change", "capture", "error", "name", "note", "number", "status")
 
     def __init__(
-        self, name: str, hear: Callable[[CommandStatus], None] | None = None, number: int = 0
+        self, name: str, on_change: Callable[[CommandStatus], None] | None = None, number: int = 0
     ) -> None:
-        """``name``: description of the command, such as ``x.move_absolute(90.0 deg)``; ``hear`` None: no callback.
+        """``name``: description of the command, such as ``x.move_absolute(90.0 deg)``; ``on_change`` None: no callback.
 
         ``number``: identifier that the owner of the command uses.
         """
@@ -65,7 +65,7 @@ class CommandStatus:
         self.error: AxisbusError | None = None
         self.note = ""
         self.capture: ProbeCapture | None = None
-        self._hear = hear
+        self._on_change = on_change
         self._after: list[Callable[[], None]] = []
 
     def __repr__(self) -> str:
@@ -79,12 +79,12 @@ class CommandStatus:
     def begin(self) -> None:
         """Mark the command as active: it has control of its axes, or shares it."""
         self.status = Status.ACTIVE
-        self._tell()
+        self._notify()
 
-    def tell(self, capture: ProbeCapture) -> None:
+    def report_capture(self, capture: ProbeCapture) -> None:
         """Report a position that a touch probe has latched; the command continues."""
         self.capture = capture
-        self._tell()
+        self._notify()
         self.capture = None
 
     def finish(self, status: Status, error: AxisbusError | None = None) -> None:
@@ -93,17 +93,17 @@ class CommandStatus:
             return
         self.error = error
         self.status = status
-        self._tell()
-        for do in self._after:
-            do()
+        self._notify()
+        for callback in self._after:
+            callback()
 
-    def then(self, do: Callable[[], None]) -> None:
-        """Call ``do`` after the end of this command, which must not have ended yet; for reactions of the core itself."""
-        self._after.append(do)
+    def then(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` after the end of this command, which must not have ended yet; for reactions of the core itself."""
+        self._after.append(callback)
 
-    def _tell(self) -> None:
-        if self._hear is not None:
-            self._hear(self)
+    def _notify(self) -> None:
+        if self._on_change is not None:
+            self._on_change(self)
 
 
 def end_as(error: AxisbusError) -> Status:
@@ -141,10 +141,10 @@ class CommandEnds:
         self._ahead.append((ticket, following))
         following.then(lambda: self._end(following))
 
-    def pass_to(self, place: float) -> bool:
-        """End the commands whose ends have been passed at ``place``; return whether there were any."""
+    def end_passed(self, progress: float) -> bool:
+        """End the commands whose ends have been passed at ``progress``; return whether there were any."""
         found = False
-        while self._ahead and place >= self._marks.get(self._ahead[0][0], math.inf):
+        while self._ahead and progress >= self._marks.get(self._ahead[0][0], math.inf):
             ticket, following = self._ahead.popleft()
             del self._marks[ticket]
             ticket.finish(Status.DONE)
@@ -153,9 +153,9 @@ class CommandEnds:
             found = True
         return found
 
-    def mark(self, ticket: CommandStatus, place: float) -> None:
+    def mark(self, ticket: CommandStatus, progress: float) -> None:
         """Set the path position, time or count at which ``ticket`` ends."""
-        self._marks[ticket] = place
+        self._marks[ticket] = progress
 
     def _end(self, last: CommandStatus) -> None:
         """End all commands before ``last``, which has ended."""

@@ -73,12 +73,12 @@ class Move:
 class MoveVelocity:
     """MC_MoveVelocity; the velocity of ``profile`` is signed. ``life`` in seconds: MC_Jog, which ends unless it is renewed.
 
-    ``renews``: extend the active jog. If the jog has ended, for example by a halt of any client, no new one begins.
+    ``continue_only``: extend the active jog. If the jog has ended, for example by a halt of any client, no new one begins.
     """
 
     profile: MoveProfile
     life: float | None = None
-    renews: bool = False
+    continue_only: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +113,12 @@ class ControllerCommand:
     """A controller in the user's program: each cycle it answers with a ``ControllerOutput``, a velocity in csv or a torque in cst.
 
     ``by`` has the ramps towards the output. ``number`` identifies this controller. An output may be computed from values that are
-    ``late`` cycles (0 or more) older than those of the previous cycle.
+    ``max_missed_cycles`` cycles (0 or more) older than those of the previous cycle.
     """
 
     number: int
     by: CyclicVelocity | CyclicTorque
-    late: int = 0
+    max_missed_cycles: int = 0
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ _ENABLED = PowerState.OPERATION_ENABLED
 _CSP, _CSV = int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.CYCLIC_SYNC_VELOCITY)
 _MAY_BE_ENERGISED = ENERGISED | {PowerState.UNKNOWN}
 # States in which the constant torque acts; in the others the axis is being stopped, or was stopped.
-_HELD = frozenset(
+_CONSTANT_TORQUE_STATES = frozenset(
     {
         AxisState.STANDSTILL,
         AxisState.DISCRETE_MOTION,
@@ -32,22 +32,22 @@ _HELD = frozenset(
         AxisState.SYNCHRONIZED_MOTION,
     }
 )
-_LEFT_AS_FOUND: Offsets = (None, None)
+_NOT_SENT: Offsets = (None, None)
 
 
-def forward_of(parameters: AxisParameters) -> Forward | None:
+def feed_forward_of(parameters: AxisParameters) -> FeedForwardOffsets | None:
     """Return the feed-forward of an axis; None if its cell file configures none."""
     given = parameters.feed_forward
-    return Forward(given, parameters) if given is not None and given.outputs else None
+    return FeedForwardOffsets(given, parameters) if given is not None and given.outputs else None
 
 
-def offsets_of(core: AxisCore, forward: Forward) -> Offsets:
+def offsets_of(core: AxisCore, calculator: FeedForwardOffsets) -> Offsets:
     """Return the offsets to send with the set-points of this cycle."""
-    if not _is_led(core):
-        nothing = forward.rest()
-        return _LEFT_AS_FOUND if _is_as_found(core) else nothing
+    if not _is_commanded(core):
+        zero = calculator.rest()
+        return _NOT_SENT if _is_as_found(core) else zero
     by_position = core.image.mode == _CSP
-    return forward.lead(_velocity(core), by_position=by_position, holds=_holds(core))
+    return calculator.offsets(_velocity(core), by_position=by_position, holds=_holds(core))
 
 
 def _is_as_found(core: AxisCore) -> bool:
@@ -58,7 +58,7 @@ def _is_as_found(core: AxisCore) -> bool:
     return enables and core.image.state in _MAY_BE_ENERGISED
 
 
-def _is_led(core: AxisCore) -> bool:
+def _is_commanded(core: AxisCore) -> bool:
     """Return whether this master has enabled the drive, it adds its offsets to targets in this mode, and it is to stay enabled."""
     image, order, ladder = core.image, core.order, core.ladder
     return (
@@ -74,7 +74,7 @@ def _is_led(core: AxisCore) -> bool:
 def _holds(core: AxisCore) -> bool:
     ladder = core.ladder
     leaves = ladder is not None and (ladder.takes_power or core.stopping.kind is StopKind.SHUTDOWN)
-    return core.state in _HELD and not leaves
+    return core.state in _CONSTANT_TORQUE_STATES and not leaves
 
 
 def _velocity(core: AxisCore) -> float | None:
@@ -82,8 +82,8 @@ def _velocity(core: AxisCore) -> float | None:
     order, ladder, activity = core.order, core.ladder, core.activity
     leading = ladder.follow if ladder is not None else None if activity is None else activity.leading
     if isinstance(leading, Follow):
-        leads = core.image.mode == _CSP and order.target_position is not None and leading.is_under_way
-        return leading.last_step.velocity if leads else None
+        is_commanded = core.image.mode == _CSP and order.target_position is not None and leading.is_under_way
+        return leading.last_step.velocity if is_commanded else None
     if isinstance(leading, VelocityRamp) and core.image.mode == _CSV and order.target_velocity is not None:
         return core.parameters.units.velocity.to_units(leading.velocity)
     return None
@@ -108,7 +108,7 @@ _INT16_MOST = 32767
 Offsets = tuple[int | None, int | None]  # 60B1h and 60B2h; None: not sent
 
 
-class Forward:
+class FeedForwardOffsets:
     """Holds the velocity of the previous set-point, and the present constant torque (0.1 % of rated torque)."""
 
     __slots__ = (
@@ -117,13 +117,13 @@ class Forward:
         "_change",
         "_goal",
         "_inertia",
-        "_most",
+        "_max_torque",
         "_period",
         "_velocity",
         "_velocity_factor",
-        "asked",
         "constant",
-        "nothing",
+        "requested",
+        "zero",
     )
 
     def __init__(self, given: FeedForward, parameters: AxisParameters) -> None:
@@ -134,24 +134,24 @@ class Forward:
         self._velocity_factor = units.velocity.factor * (-1.0 if given.turned else 1.0)
         self._inertia = (given.inertia or 0.0) * per_torque  # per unit/s²
         limit = parameters.limits.torque
-        most = _INT16_MOST if limit is None else whole_below(abs(limit * per_torque))
-        self._most = min(most, _INT16_MOST)
+        max_torque = _INT16_MOST if limit is None else whole_below(abs(limit * per_torque))
+        self._max_torque = min(max_torque, _INT16_MOST)
         self._velocity: float | None = None
-        self.asked = (given.torque or 0.0) * per_torque  # the requested constant torque
+        self.requested = (given.torque or 0.0) * per_torque  # the requested constant torque
         self.constant = self._goal = self._change = 0.0
-        self.nothing = self._offsets(0.0, 0.0)
+        self.zero = self._offsets(0.0, 0.0)
 
     def aim(self, torque: float) -> None:
         """Request another constant torque (0.1 % of rated torque); it takes effect now, or when the axis is next commanded."""
-        self.asked = torque
+        self.requested = torque
 
     def rest(self) -> Offsets:
         """Return the offsets of an axis that this master does not command: 0."""
         self._velocity = None
         self.constant = self._goal = 0.0
-        return self.nothing
+        return self.zero
 
-    def lead(self, velocity: float | None, *, by_position: bool = True, holds: bool = True) -> Offsets:
+    def offsets(self, velocity: float | None, *, by_position: bool = True, holds: bool = True) -> Offsets:
         """Return the offsets of this cycle.
 
         ``velocity``: velocity of the set-point in unit/s; None if the last set-point is held. ``by_position``: True in csp; False
@@ -161,7 +161,7 @@ class Forward:
         acceleration = 0.0
         if velocity is not None and before is not None:
             acceleration = (velocity - before) / self._period
-        goal = self.asked if holds else 0.0
+        goal = self.requested if holds else 0.0
         if self.constant != goal or self._goal != goal:
             self._approach(goal)
         torque = self._inertia * acceleration + self.constant
@@ -179,5 +179,5 @@ class Forward:
         if self._by_velocity:
             first = min(max(round(velocity * self._velocity_factor), INT32_LEAST), INT32_HALF - 1)
         if self._by_torque:
-            second = min(max(round(torque), -self._most), self._most)
+            second = min(max(round(torque), -self._max_torque), self._max_torque)
         return first, second

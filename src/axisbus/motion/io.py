@@ -44,21 +44,21 @@ class NodeIo:
         """``port`` has the objects of all ``points``, and the values of its outputs at boot."""
         self.points = {point.name: point for point in points}
         self.node_id = node_id
-        self._outputs = {address: place for place, address in enumerate(port.outputs)}
-        self._inputs = {address: place for place, address in enumerate(port.inputs)}
+        self._outputs = {address: index for index, address in enumerate(port.outputs)}
+        self._inputs = {address: index for index, address in enumerate(port.inputs)}
         self._max_age = port.max_age
-        self._words = list(port.found)
-        self._alone = self._with_safe(list(port.alone))
+        self._raw_outputs = list(port.found)
+        self._safe_outputs = self._with_safe(list(port.alone))
         self._set: set[str] = set()
-        self._used: set[int] = set()  # indices of output objects with at least one part that was set
+        self._written: set[int] = set()  # indices of output objects with at least one part that was set
         self._known = SignalValidity.NOT_YET
         self._unknown_until = -math.inf  # when the node was last not operational
-        self._given: list[CommandStatus] = []
-        self._under_way: list[CommandStatus] = []
-        self._acting: list[tuple[float, CommandStatus]] = []  # latest time since which each is in effect
-        self._new = False  # whether the outputs' present values have not been sent yet
-        self._leaves = False  # whether they were sent in the previous cycle, and wait for SYNC
-        self._begun = math.inf  # time of the first cycle
+        self._accepted: list[CommandStatus] = []
+        self._sent_commands: list[CommandStatus] = []
+        self._unconfirmed: list[tuple[float, CommandStatus]] = []  # latest time since which each is in effect
+        self._is_unsent = False  # whether the outputs' present values have not been sent yet
+        self._awaits_sync = False  # whether they were sent in the previous cycle, and wait for SYNC
+        self._started = math.inf  # time of the first cycle
         self._sent = -math.inf
         self.changed = False  # whether a command has ended in this cycle
 
@@ -78,16 +78,16 @@ class NodeIo:
     def set(self, values: Mapping[str, int], ticket: CommandStatus) -> None:
         """Accept raw values for outputs of this node; ``ticket`` ends when they act and the node has been heard after that."""
         for name, raw in values.items():
-            self._put(self.points[name], raw)
+            self._set_raw(self.points[name], raw)
             self._set.add(name)
-        self._given.append(ticket)
+        self._accepted.append(ticket)
 
     def make_safe(self) -> None:
         """Set every output that the program has set to its safe state."""
         for name in self._set:
-            self._put(self.points[name], self.points[name].safe)
+            self._set_raw(self.points[name], self.points[name].safe)
 
-    def succeed(self, earlier: NodeIo) -> None:
+    def replace(self, earlier: NodeIo) -> None:
         """Replace ``earlier``, whose node was booted again: outputs that were set get their safe values, as after a loss."""
         earlier.abandon(
             NodeError(
@@ -105,15 +105,15 @@ class NodeIo:
         return [self.points[name] for name in sorted(self._set)]
 
     @property
-    def rests(self) -> bool:
+    def is_idle(self) -> bool:
         """Whether nothing waits to be sent: all values were sent, or cannot be sent now."""
-        return self._known is not SignalValidity.YES or not (self._new or self._leaves)
+        return self._known is not SignalValidity.YES or not (self._is_unsent or self._awaits_sync)
 
     def abandon(self, error: AxisbusError) -> None:
         """End every command with ``error``, because no further cycle will come."""
-        for ticket in (*self._given, *self._take_sent()):
+        for ticket in (*self._accepted, *self._take_sent()):
             ticket.finish(Status.ERROR, error)
-        self._given = []
+        self._accepted = []
 
     def _lost(self, what: str) -> AxisbusError:
         return NodeError(
@@ -132,15 +132,15 @@ class NodeIo:
         """Return the value of each output of the port; None for an output that was never set."""
         self.changed = False
         self._known = inputs.known
-        self._begun = min(self._begun, now)
+        self._started = min(self._started, now)
         if inputs.known is not SignalValidity.YES:
             self._lose(now)
-            return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._words)
+            return self._to_send() if inputs.known in MAY_HEAR else (None,) * len(self._raw_outputs)
         # Their frames were sent, and the SYNC after them.
-        self._acting += [(now, ticket) for ticket in self._under_way]
+        self._unconfirmed += [(now, ticket) for ticket in self._sent_commands]
         self._end_confirmed(inputs.heard)
-        self._under_way, self._given = self._given, []
-        self._leaves, self._new = self._new, False
+        self._sent_commands, self._accepted = self._accepted, []
+        self._awaits_sync, self._is_unsent = self._is_unsent, False
         self._sent = now
         return self._to_send()
 
@@ -152,59 +152,66 @@ class NodeIo:
         }
 
     def _to_send(self) -> tuple[int | None, ...]:
-        return tuple(word if place in self._used else None for place, word in enumerate(self._words))
+        return tuple(
+            raw_output if index in self._written else None
+            for index, raw_output in enumerate(self._raw_outputs)
+        )
 
     def _end_confirmed(self, heard: float) -> None:
-        while self._acting and self._acting[0][0] <= heard:
-            self._acting.pop(0)[1].finish(Status.DONE)
+        while self._unconfirmed and self._unconfirmed[0][0] <= heard:
+            self._unconfirmed.pop(0)[1].finish(Status.DONE)
             self.changed = True
 
     def _take_sent(self) -> list[CommandStatus]:
         """Remove and return the commands that were sent and have not ended."""
-        sent = [*(ticket for _, ticket in self._acting), *self._under_way]
-        self._acting, self._under_way = [], []
+        sent = [*(ticket for _, ticket in self._unconfirmed), *self._sent_commands]
+        self._unconfirmed, self._sent_commands = [], []
         return sent
 
     def _lose(self, now: float) -> None:
         self._unknown_until = now
-        self._leaves = False
+        self._awaits_sync = False
         # Outputs that were never set must not be switched on by a frame of this master either.
-        self._words = list(self._alone)
-        self._new = bool(self._used)
-        self.changed = bool(self._given or self._under_way or self._acting)
-        for ticket in self._given:
+        self._raw_outputs = list(self._safe_outputs)
+        self._is_unsent = bool(self._written)
+        self.changed = bool(self._accepted or self._sent_commands or self._unconfirmed)
+        for ticket in self._accepted:
             ticket.finish(Status.ERROR, self.refusal("its node", ticket.name))
         for ticket in self._take_sent():
             ticket.finish(Status.ERROR, self._lost(ticket.name))
-        self._given = []
+        self._accepted = []
 
-    def _with_safe(self, words: list[int]) -> list[int]:
+    def _with_safe(self, raw_outputs: list[int]) -> list[int]:
         for point in (point for point in self.points.values() if point.output):
-            place = self._outputs[point.address]
-            words[place] = point.into(words[place], point.safe)
-        return words
+            index = self._outputs[point.address]
+            raw_outputs[index] = point.into(raw_outputs[index], point.safe)
+        return raw_outputs
 
-    def _put(self, point: IoPoint, raw: int) -> None:
-        place = self._outputs[point.address]
-        self._words[place] = point.into(self._words[place], raw)
-        self._used.add(place)
-        self._new = True
+    def _set_raw(self, point: IoPoint, raw: int) -> None:
+        index = self._outputs[point.address]
+        self._raw_outputs[index] = point.into(self._raw_outputs[index], raw)
+        self._written.add(index)
+        self._is_unsent = True
 
     def _of(self, point: IoPoint) -> int:
-        return point.of(self._words[self._outputs[point.address]])
+        return point.of(self._raw_outputs[self._outputs[point.address]])
 
     def _output(self, point: IoPoint, now: float) -> IoReading:
         """Return the reading of an output; if it was never sent, its boot value is known only while its node was never lost."""
-        is_set, sent, known = point.name in self._set, self._outputs[point.address] in self._used, self._known
-        stamp = self._sent if sent else self._begun
+        is_set, sent, known = (
+            point.name in self._set,
+            self._outputs[point.address] in self._written,
+            self._known,
+        )
+        stamp = self._sent if sent else self._started
         if known is SignalValidity.YES and not sent and self._unknown_until > -math.inf:
             known = SignalValidity.UNSET
         return IoReading(now, known, self._of(point) if known is SignalValidity.YES else None, stamp, is_set)
 
     def _input(self, point: IoPoint, now: float, inputs: IoInputs) -> IoReading:
-        place = self._inputs[point.address]
-        sample = inputs.samples[place]
-        known = self._freshness(sample, self._max_age[place], now)
+        index = self._inputs[point.address]
+        sample = inputs.samples[index]
+        known = self._freshness(sample, self._max_age[index], now)
         stamp = -math.inf if sample is None else sample.stamp
         value = point.of(sample.value) if known is SignalValidity.YES and sample is not None else None
         return IoReading(now, known, value, stamp)

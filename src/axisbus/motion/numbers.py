@@ -46,7 +46,7 @@ def items(value: object) -> tuple[Any, ...] | None:
         return None
 
 
-def told(value: object) -> str:
+def short_repr(value: object) -> str:
     """Return the repr of a value, shortened to one readable line."""
     try:
         text = repr(value)

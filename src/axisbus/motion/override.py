@@ -2,7 +2,7 @@
 
 Theory of operation
 -------------------
-An axis has its own factor, which is multiplied by the factor of the cell. The product is at most ``FASTER``, and the scaled
+An axis has its own factor, which is multiplied by the factor of the cell. The product is at most ``MAX_OVERRIDE``, and the scaled
 velocity is at most ``max_velocity``. Only commanded velocities are scaled: no ramp, torque, halt, stop or homing.
 """
 
@@ -12,7 +12,7 @@ from axisbus.errors import LimitError
 from axisbus.motion.parameters import AxisParameters
 from axisbus.units import INT32_HALF
 
-FASTER = 1.5  # the highest override
+MAX_OVERRIDE = 1.5  # the highest override
 
 
 class Override:
@@ -26,18 +26,18 @@ class Override:
     def set_own(self, own: float) -> None:
         """Set the factor of the axis (0 to 1.5)."""
         self.own = own
-        self.factor = min(own * self.cell, FASTER)
+        self.factor = min(own * self.cell, MAX_OVERRIDE)
 
     def set_cell(self, cell: float) -> None:
         """Set the factor of the cell (0 to 1.5)."""
         self.cell = cell
-        self.factor = min(self.own * cell, FASTER)
+        self.factor = min(self.own * cell, MAX_OVERRIDE)
 
 
 def require_factor(factor: float, name: str) -> None:
     """Raise LimitError if ``factor`` is not from 0 to 1.5; ``name`` is the name of the command."""
-    if not 0.0 <= factor <= FASTER:
-        raise LimitError(f"{name}: an override must be from 0 to {FASTER:g}")
+    if not 0.0 <= factor <= MAX_OVERRIDE:
+        raise LimitError(f"{name}: an override must be from 0 to {MAX_OVERRIDE:g}")
 
 
 def scaled(velocity: int, factor: float, parameters: AxisParameters) -> int:
@@ -47,17 +47,17 @@ def scaled(velocity: int, factor: float, parameters: AxisParameters) -> int:
     """
     if factor == 1.0 or not velocity:
         return velocity
-    size = min(abs(velocity) * factor, float(INT32_HALF - 1), _most(velocity, parameters))
+    size = min(abs(velocity) * factor, float(INT32_HALF - 1), _limit_increments(velocity, parameters))
     raw = max(1, int(size)) if factor else 0
     return raw if velocity > 0 else -raw
 
 
-def _most(velocity: int, parameters: AxisParameters) -> float:
+def _limit_increments(velocity: int, parameters: AxisParameters) -> float:
     """Return the limit in increments; the commanded velocity was within it, however it was rounded."""
     limit, scale = parameters.limits.velocity, parameters.units.velocity
     return float(INT32_HALF) if limit is None else max(limit * abs(scale.factor), abs(velocity))
 
 
-def spared(factor: float, period: float) -> float:
+def deadline_extension(factor: float, period: float) -> float:
     """Return by how much a deadline moves in a cycle of ``period`` seconds: its time runs as slowly as the motion."""
     return period * (1.0 - min(factor, 1.0))

@@ -280,7 +280,7 @@ class AxisParameters:
         return pull_window(self.standstill_window, self.position_window, speed)
 
     @property
-    def place_window(self) -> int:
+    def position_tolerance(self) -> int:
         """Tolerance in increments within which an axis counts as being at a position; by default a tenth of ``pull_window``."""
         return round(self.pull_window / 10) if self.position_window is None else self.position_window
 

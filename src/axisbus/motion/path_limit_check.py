@@ -81,7 +81,7 @@ class PathLimitCheck:
         )
 
 
-def pace_of(parameters: AxisParameters, trajectory: Trajectory) -> PathLimitCheck:
+def limit_check_of(parameters: AxisParameters, trajectory: Trajectory) -> PathLimitCheck:
     """Return the limits of ``trajectory``.
 
     Without ``max_velocity``, a jump of position could not be distinguished from a motion. Then the acceleration decides: the limit,

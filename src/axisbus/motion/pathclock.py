@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Protocol
 
-Way = Callable[
+DistanceAt = Callable[
     [float], float
 ]  # the distance covered along the path at a time; in any unit, forwards or backwards
 
@@ -23,14 +23,14 @@ class PathParameter(Protocol):
     def stopped(self) -> bool:
         """Whether it is at standstill because it was braked."""
 
-    def told(self, t: float) -> str:
+    def as_text(self, t: float) -> str:
         """Return its value ``t`` as text for messages."""
 
     def advance(self, period: float) -> None:
         """Advance by one cycle of ``period`` seconds."""
 
 
-class Guided(PathParameter, Protocol):
+class BrakingClock(PathParameter, Protocol):
     """A clock that can brake without further data."""
 
     def brake(self) -> None:
@@ -48,13 +48,13 @@ class PathClock:
 
     __slots__ = (
         "_deceleration",
+        "_distance_at",
         "_factor",
         "_last",
         "_period",
         "_ramp",
         "_speed",
         "_start",
-        "_way",
         "braking",
         "rate",
         "t",
@@ -67,7 +67,7 @@ class PathClock:
         self._last = 0.0  # the time of the previous cycle
         self._period = 0.0
         self.braking = False  # slowing down or stopped
-        self._way: Way | None = None
+        self._distance_at: DistanceAt | None = None
         self._ramp: float | None = None
         self._deceleration = 0.0
         self._speed = self._start = 0.0
@@ -86,9 +86,9 @@ class PathClock:
         """Note the velocity before the first cycle, for a path that continues another one; without this it begins at rest."""
         self._start = velocity
 
-    def aim(self, factor: float, way: Way, ramp: float | None) -> None:
+    def aim(self, factor: float, distance_at: DistanceAt, ramp: float | None) -> None:
         """Let the rate of time approach ``factor``; the velocity changes by ``ramp`` per s² at most (None: change only at rest)."""
-        self._factor, self._way, self._ramp = factor, way, ramp
+        self._factor, self._distance_at, self._ramp = factor, distance_at, ramp
 
     def next(self, period: float) -> float:
         """Return the time after ``advance`` if it does not brake; changes nothing."""
@@ -98,8 +98,8 @@ class PathClock:
         """Advance by one cycle of ``period`` seconds; propagates exceptions of the path function."""
         if self.braking and self._deceleration:
             self._period, self._last = period, self.t
-            if self.rate and self._way is not None:
-                self._slow_down(self._way, period)
+            if self.rate and self._distance_at is not None:
+                self._slow_down(self._distance_at, period)
             return
         self.rate = self._next_rate(period)
         self._period, self._last = period, self.t
@@ -110,12 +110,12 @@ class PathClock:
         self._period, self._last = period, self.t
         self.t += period
 
-    def brake(self, way: Way, deceleration: float) -> None:
-        """Brake to a stop; ``deceleration`` in units of ``way`` per s², above 0. A second call has no effect."""
+    def brake(self, distance_at: DistanceAt, deceleration: float) -> None:
+        """Brake to a stop; ``deceleration`` in units of ``distance_at`` per s², above 0. A second call has no effect."""
         if self._deceleration:
             return
-        self._way, self._deceleration, self.braking = way, deceleration, True
-        self._speed = abs(self._velocity(way))
+        self._distance_at, self._deceleration, self.braking = distance_at, deceleration, True
+        self._speed = abs(self._velocity(distance_at))
         if not self._speed:
             self.rate = 0.0
 
@@ -124,58 +124,62 @@ class PathClock:
         """Whether time is at standstill because it was braked."""
         return self.braking and self.rate == 0.0
 
-    def told(self, t: float) -> str:
+    def as_text(self, t: float) -> str:
         """Return a time as text for messages."""
         return f"{t:.3f} s"
 
     def _next_rate(self, period: float) -> float:
         """Return the rate of the next cycle: nearer to the requested factor, as far as the velocity may change."""
-        rate, factor, way = self.rate, self._factor, self._way
-        if rate == factor or way is None:
+        rate, factor, distance_at = self.rate, self._factor, self._distance_at
+        if rate == factor or distance_at is None:
             return rate
-        here = way(self.t)
-        now = self._velocity(way)
-        kept, asked = ((way(self.t + each * period) - here) / period for each in (rate, factor))
+        here = distance_at(self.t)
+        now = self._velocity(distance_at)
+        current, requested = (
+            (distance_at(self.t + each * period) - here) / period for each in (rate, factor)
+        )
         change = 0.0 if self._ramp is None else self._ramp * period
-        if abs(asked - now) <= change or asked == kept:
+        if abs(requested - now) <= change or requested == current:
             return factor
-        bound = now + change if asked > kept else now - change
-        if not kept < bound < asked and not asked < bound < kept:
-            return rate if abs(bound - kept) < abs(bound - asked) else factor
+        bound = now + change if requested > current else now - change
+        if not current < bound < requested and not requested < bound < current:
+            return rate if abs(bound - current) < abs(bound - requested) else factor
 
         def gained(share: float) -> float:
-            return abs((way(self.t + (rate + share * (factor - rate)) * period) - here) / period - kept)
+            return abs(
+                (distance_at(self.t + (rate + share * (factor - rate)) * period) - here) / period - current
+            )
 
-        return rate + _share(gained, abs(asked - kept), abs(bound - kept)) * (factor - rate)
+        return rate + _share(gained, abs(requested - current), abs(bound - current)) * (factor - rate)
 
-    def _velocity(self, way: Way) -> float:
+    def _velocity(self, distance_at: DistanceAt) -> float:
         """Return the velocity of the last cycle."""
-        return (way(self.t) - way(self._last)) / self._period if self._period else self._start
+        return (distance_at(self.t) - distance_at(self._last)) / self._period if self._period else self._start
 
-    def _slow_down(self, way: Way, period: float) -> None:
+    def _slow_down(self, distance_at: DistanceAt, period: float) -> None:
         self._speed = max(0.0, self._speed - self._deceleration * period)
-        here, ahead = way(self.t), self.rate * period
-        natural = abs(way(self.t + ahead) - here)
+        here, ahead = distance_at(self.t), self.rate * period
+        natural = abs(distance_at(self.t + ahead) - here)
         if not natural or not self._speed:
             self.rate = self._speed = 0.0
             return
         allowed = self._speed * period
         if natural > allowed:
-            ahead *= _share(lambda share: abs(way(self.t + share * ahead) - here), natural, allowed)
-        self._speed = abs(way(self.t + ahead) - here) / period
+            ahead *= _share(lambda share: abs(distance_at(self.t + share * ahead) - here), natural, allowed)
+        self._speed = abs(distance_at(self.t + ahead) - here) / period
         self.rate = ahead / period
         self.t += ahead
 
 
-def _share(gone: Way, whole: float, wanted: float) -> float:
-    """Return the share (0 to 1) of an interval at which ``gone`` is ``wanted``; its value at 1 is ``whole``, which is larger.
+def _share(distance: DistanceAt, whole: float, wanted: float) -> float:
+    """Return the share (0 to 1) of an interval at which ``distance`` is ``wanted``; its value at 1 is ``whole``, which is larger.
 
     If the speed varies, half of the distance is not covered in half of the time. (Regula falsi, with the Illinois method.)
     """
     low, high, under, over = 0.0, 1.0, -wanted, whole - wanted
     share, side = wanted / whole, 0
     for _ in range(_ROUNDS):
-        off = gone(share) - wanted
+        off = distance(share) - wanted
         if abs(off) <= _CLOSE * wanted:
             break
         if off < 0.0:

@@ -5,15 +5,15 @@ and the check of a call.
 
 Theory of operation
 -------------------
-A *room* is the range within which a motion keeps an axis. It consists of the position limits, extended to the start of the motion:
-an axis outside a limit may return, and moves no farther out. While it returns, the room shrinks with it (``narrowed``), so that it
+A *position range* is the range within which a motion keeps an axis. It consists of the position limits, extended to the start:
+an axis outside a limit may return, and moves no farther out. While it returns, the range shrinks with it (``narrowed``), so that it
 does not move out again.
 
 A measured position is noisy: an encoder varies by ±2 increments, so two positions at rest differ by up to ``NOISE`` increments.
 ``window`` is this value in the unit of the positions: a position outside a limit by no more than that counts as on the limit.
 
-For an axis without a modulo, the count of its drive is a room as well: 607Ah and 6064h are INTEGER32, and a target beyond one end
-appears at the other end.
+For an axis without a modulo, the count of its drive is such a range as well: 607Ah and 6064h are INTEGER32, and a target beyond one
+end appears at the other end.
 """
 
 from __future__ import annotations
@@ -28,29 +28,31 @@ from axisbus.units import INT32_HALF, INT32_LEAST, wrap
 _END_OF_COUNT = 10  # increments, more than the noise of a position
 
 
-class Room(NamedTuple):
+class PositionRange(NamedTuple):
     """The lowest and the highest permitted position of a motion."""
 
     low: float
     high: float
 
     def has(self, position: float) -> bool:
-        """Return whether ``position`` is within the room."""
+        """Return whether ``position`` is within the range."""
         return self.low <= position <= self.high
 
 
-UNLIMITED = Room(-math.inf, math.inf)
+UNLIMITED = PositionRange(-math.inf, math.inf)
 
 
-def widened(limits: tuple[float, float], start: float, margin: float) -> Room:
-    """Return the room of a motion from ``start``: from outside the limits, it may return but not move farther out."""
-    return Room(min(limits[0], start) - margin, max(limits[1], start) + margin)
+def widened(limits: tuple[float, float], start: float, margin: float) -> PositionRange:
+    """Return the range of a motion from ``start``: from outside the limits, it may return but not move farther out."""
+    return PositionRange(min(limits[0], start) - margin, max(limits[1], start) + margin)
 
 
-def narrowed(room: Room, limits: tuple[float, float], position: float, window: float) -> Room:
-    """Return the room of a motion that has reached ``position``: the part beyond ``limits`` that it has left is excluded."""
+def narrowed(
+    allowed: PositionRange, limits: tuple[float, float], position: float, window: float
+) -> PositionRange:
+    """Return the range of a motion that has reached ``position``: the part beyond ``limits`` that it has left is excluded."""
     low, high = min(limits[0], position) - window, max(limits[1], position) + window
-    return Room(max(room.low, low), min(room.high, high))
+    return PositionRange(max(allowed.low, low), min(allowed.high, high))
 
 
 def is_beyond(limits: tuple[float, float], position: float, window: float = 0.0) -> bool:
@@ -58,7 +60,7 @@ def is_beyond(limits: tuple[float, float], position: float, window: float = 0.0)
     return not limits[0] - window <= position <= limits[1] + window
 
 
-def room_of_way(
+def path_range(
     limits: tuple[float, float], start: float, window: float, margin: float
 ) -> tuple[float, float]:
     """Return the range for a path from ``start`` that may pass ``start`` again.
@@ -81,27 +83,29 @@ def allowed_end(limits: tuple[float, float], start: float, end: float, window: f
     return None if is_beyond(limits, end, window) else min(max(end, limits[0]), limits[1])
 
 
-def rest(position: float, velocity: float, deceleration: float) -> float:
+def rest_position(position: float, velocity: float, deceleration: float) -> float:
     """Return the position at which an axis comes to rest if it brakes now."""
     return position + math.copysign(braking_distance(velocity, deceleration), velocity)
 
 
-def leaves(room: Room, position: float, velocity: float, deceleration: float) -> float | None:
-    """Return the position of rest if the axis brakes now and leaves ``room`` in its direction of motion; otherwise None."""
-    stop = rest(position, velocity, deceleration)
+def rest_beyond(
+    allowed: PositionRange, position: float, velocity: float, deceleration: float
+) -> float | None:
+    """Return the position of rest if the axis brakes now and leaves ``allowed`` in its direction of motion; otherwise None."""
+    stop = rest_position(position, velocity, deceleration)
     if velocity > 0.0:
-        return stop if stop > room.high else None
-    return stop if stop < room.low else None
+        return stop if stop > allowed.high else None
+    return stop if stop < allowed.low else None
 
 
 def braking(
-    room: Room, position: float, velocity: float, usual: float, hardest: float, period: float
+    allowed: PositionRange, position: float, velocity: float, usual: float, hardest: float, period: float
 ) -> float:
-    """Return the deceleration for braking in steps (``steps_to_rest``): ``usual``, or more if that is needed to stay in the room.
+    """Return the deceleration for braking in steps (``steps_to_rest``): ``usual``, or more if that is needed to stay in the range.
 
-    The result is at most ``hardest``, also if even that does not keep the axis in the room.
+    The result is at most ``hardest``, also if even that does not keep the axis in the range.
     """
-    left = max(room.high - position if velocity > 0.0 else position - room.low, 0.0)
+    left = max(allowed.high - position if velocity > 0.0 else position - allowed.low, 0.0)
     speed = abs(velocity)
     if not speed or left == math.inf:
         return usual
@@ -116,14 +120,14 @@ def steps_to_rest(position: float, velocity: float, deceleration: float, period:
 
     ``velocity`` is that of the previous cycle. It falls by the permitted deceleration in each cycle: no braking is shorter.
     """
-    places, speed = [position, position], abs(velocity)
+    positions, speed = [position, position], abs(velocity)
     while (speed := speed - deceleration * period) > 0.0:
-        places[-1] = position = position + math.copysign(speed * period, velocity)
-        places.append(position)
-    return places
+        positions[-1] = position = position + math.copysign(speed * period, velocity)
+        positions.append(position)
+    return positions
 
 
-def room_of_count(position: int) -> Room:
+def count_range(position: int) -> PositionRange:
     """Return the range of unwrapped increments within which a drive at ``position`` can be held without a wrap of its count.
 
     It ends a little earlier than the count, unless the axis is there already: at the very end, noise alone would wrap the position,
@@ -131,7 +135,7 @@ def room_of_count(position: int) -> Room:
     """
     lap = position - wrap(position)
     low, high = lap + INT32_LEAST + _END_OF_COUNT, lap + INT32_HALF - 1 - _END_OF_COUNT
-    return Room(min(low, position), max(high, position))
+    return PositionRange(min(low, position), max(high, position))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -182,26 +186,26 @@ def excess(
     here, ahead = path(t), path(t + period)
     step = ahead - here
     speed = abs(step) / period
-    way = braking_distance(speed, deceleration)
-    stop = ahead + (way if step > 0 else -way)
+    distance = braking_distance(speed, deceleration)
+    stop = ahead + (distance if step > 0 else -distance)
     if _within(ahead, limits) and _within(stop, limits):
         return None
-    left = _leaves(path, t + period, period, limits, way, speed / deceleration)
+    left = _leaves(path, t + period, period, limits, distance, speed / deceleration)
     return None if left is None else Excess(here, speed, stop, *left)
 
 
 def _leaves(
-    path: Path, t: float, period: float, limits: tuple[float, float], way: float, time: float
+    path: Path, t: float, period: float, limits: tuple[float, float], distance: float, time: float
 ) -> tuple[float, float] | None:
-    """Return the position and time at which the path is first outside, within the next ``way`` and ``time`` of it."""
+    """Return the position and time at which the path is first outside, within the next ``distance`` and ``time`` of it."""
     here = path(t)
-    end, gone = t + time, 0.0
+    end, travelled = t + time, 0.0
     while _within(here, limits):
-        if gone >= way or t >= end:
+        if travelled >= distance or t >= end:
             return None
         t += period
         before, here = here, path(t)
-        gone += abs(here - before)
+        travelled += abs(here - before)
     return here, t
 
 

@@ -29,10 +29,12 @@ from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.override import scaled
 from axisbus.motion.parameters import AxisParameters
 
-_LATE = 0.5  # seconds in addition to twice the ramp
-_LOOK = 0.2  # seconds over which the speed is measured
+_SETTLING_TIME = 0.5  # seconds in addition to twice the ramp
+_MEASURING_TIME = 0.2  # seconds over which the speed is measured
 _CHANGE = 0.1  # of a speed: smaller changes are not checked
-_STEADY = 0.25  # of the change that the ramp makes in _LOOK: a smaller change counts as a constant speed
+_STEADY = (
+    0.25  # of the change that the ramp makes in _MEASURING_TIME: a smaller change counts as a constant speed
+)
 
 
 def overridden(profile: MoveProfile, factor: float, parameters: AxisParameters) -> MoveProfile:
@@ -55,12 +57,12 @@ def driven(profile: MoveProfile, parameters: AxisParameters) -> float | None:
 class SetPointUpdate:
     """Holds the override that the drive has now, and the running write of another one."""
 
-    __slots__ = ("_factor", "_given", "_parameters", "_profile", "_write", "held", "is_asked", "ramps")
+    __slots__ = ("_factor", "_parameters", "_profile", "_sent", "_write", "held", "is_requested", "ramps")
 
     def __init__(self, profile: MoveProfile, factor: float, parameters: AxisParameters) -> None:
         """``profile``: as commanded, without override; its set-point is prepared for the override ``factor``."""
-        self._profile = self._given = profile
-        self.is_asked = False  # another profile, or target, which has not been given yet
+        self._profile = self._sent = profile
+        self.is_requested = False  # another profile, or target, which has not been given yet
         self._factor = factor or 1.0
         self._parameters = parameters
         self._write: tuple[float, RampTransfers] | None = None
@@ -74,13 +76,13 @@ class SetPointUpdate:
         return overridden(self._profile, self._factor, self._parameters)
 
     @property
-    def asked(self) -> MoveProfile:
+    def requested(self) -> MoveProfile:
         """The commanded profile, without the override."""
         return self._profile
 
-    def ask(self, profile: MoveProfile) -> None:
+    def request(self, profile: MoveProfile) -> None:
         """Request to give the set-point again, with another profile, or with the same profile for another target."""
-        self._profile, self.is_asked = expected(profile, self._parameters), True
+        self._profile, self.is_requested = expected(profile, self._parameters), True
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool | None:
         """Return True in the cycle from which the set-point must be given again, None if the move continues, False if it waits.
@@ -93,7 +95,7 @@ class SetPointUpdate:
         if self._write is None:
             if not wanted:
                 return self._hold(order)
-            if wanted == self._factor and not self.held and not self.is_asked:
+            if wanted == self._factor and not self.held and not self.is_requested:
                 return None
             self._write = wanted, RampTransfers(self._writes(wanted), self._parameters, self.ramps)
         factor, transfers = self._write
@@ -104,7 +106,7 @@ class SetPointUpdate:
 
     def _writes(self, factor: float) -> list[tuple[int, int, int | None]]:
         """Return the required writes under an override: the velocity, and those ramps that have changed."""
-        given, profile, self._given, self.is_asked = self._given, self._profile, self._profile, False
+        given, profile, self._sent, self.is_requested = self._sent, self._profile, self._profile, False
         ramps = [
             (objects.PROFILE_ACCELERATION, given.acceleration, profile.acceleration),
             (objects.PROFILE_DECELERATION, given.deceleration, profile.deceleration),
@@ -155,7 +157,7 @@ class VelocityChangeCheck:
         self._after = math.inf
         had = self._before
         if had and profile.speed and profile.ramp and abs(had - profile.speed) > _CHANGE * had:
-            self._after = now + 2.0 * abs(had - profile.speed) / profile.ramp + _LATE
+            self._after = now + 2.0 * abs(had - profile.speed) / profile.ramp + _SETTLING_TIME
             self._after += 2.0 * profile.soft_seconds(abs(parameters.units.position.factor))
 
     def look(self, image: AxisImage) -> None:
@@ -170,7 +172,7 @@ class VelocityChangeCheck:
             self._from = _Mark(image.position_stamp, image.position)
             return
         seconds = image.position_stamp - self._from.time
-        if seconds < _LOOK:
+        if seconds < _MEASURING_TIME:
             return
         towards = math.copysign(1.0, self._target - image.position)
         speed, last = towards * (image.position - self._from.position) / seconds, self._last
@@ -179,24 +181,26 @@ class VelocityChangeCheck:
         if last is None or (cruises and self._changes(speed, last)):
             return
         self._after = math.inf
-        if cruises and self._keeps(speed) and not self._is_limited(image):
+        if cruises and self._keeps_old_speed(speed) and not self._is_limited(image):
             raise self._error(speed)
 
     def _changes(self, speed: float, last: float) -> bool:
         """Whether the speed still changes."""
         assert self._profile.ramp
-        return abs(speed - last) > _STEADY * self._profile.ramp * _LOOK
+        return abs(speed - last) > _STEADY * self._profile.ramp * _MEASURING_TIME
 
     def _cruises(self, position: int) -> bool:
         """Whether the axis is still too far from its target to brake for it."""
-        before, asked, ramp = self._before, self._profile.speed, self._profile.ramp
+        before, requested, ramp = self._before, self._profile.speed, self._profile.ramp
         assert before
-        assert asked
+        assert requested
         assert ramp
-        fastest = max(before, asked)
-        return abs(self._target - position) > 1.2 * braking_distance(fastest, ramp) + _LOOK * fastest
+        fastest = max(before, requested)
+        return (
+            abs(self._target - position) > 1.2 * braking_distance(fastest, ramp) + _MEASURING_TIME * fastest
+        )
 
-    def _keeps(self, speed: float) -> bool:
+    def _keeps_old_speed(self, speed: float) -> bool:
         assert self._before
         assert self._profile.speed
         return abs(speed - self._before) < min(

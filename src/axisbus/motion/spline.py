@@ -10,23 +10,23 @@ from itertools import pairwise
 from typing import Any, NamedTuple, cast
 
 from axisbus.errors import ArgumentError
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.trajectory import Trajectory
 
 _SWEEPS = 60  # then the remaining error is below the resolution of a float
 
 
 class SplineSegment(NamedTuple):
-    """The curve from one point to the next: place + s (speed + s (bend + s twist)), for s from 0 to ``length`` seconds."""
+    """The curve from one point to the next: position + s (speed + s (bend + s twist)), for s from 0 to ``length`` seconds."""
 
-    place: float
+    position: float
     speed: float
     bend: float
     twist: float
     length: float
 
     def at(self, s: float) -> float:
-        return self.place + s * (self.speed + s * (self.bend + s * self.twist))
+        return self.position + s * (self.speed + s * (self.bend + s * self.twist))
 
     def speed_at(self, s: float) -> float:
         return self.speed + s * (2.0 * self.bend + s * 3.0 * self.twist)
@@ -97,8 +97,8 @@ class SplineTrajectory:
         """Return the position at ``t`` seconds; beyond an end, the position at that end."""
         if t >= self.times[-1]:
             return self.positions[-1]
-        place = max(bisect_right(self.times, t) - 1, 0)
-        return self._parts[place].at(max(t, 0.0) - self.times[place])
+        number = max(bisect_right(self.times, t) - 1, 0)
+        return self._parts[number].at(max(t, 0.0) - self.times[number])
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,10 +142,10 @@ def trajectory_of(given: Followed, duration: float | None, text: str) -> Traject
 
 def _through(given: object, text: str) -> SplineTrajectory:
     try:
-        times, positions = zip(*((time, place) for time, place in cast("Any", given)), strict=True)
+        times, positions = zip(*((time, position) for time, position in cast("Any", given)), strict=True)
     except (TypeError, ValueError):
         raise ArgumentError(
-            f"{text}: {told(given)} is not a trajectory that can be followed",
+            f"{text}: {short_repr(given)} is not a trajectory that can be followed",
             remedy="give rows of time (s, from 0 on) and position, a function with its duration, or an object with duration and "
             "position(t)",
         ) from None
@@ -162,9 +162,9 @@ def parts_of(
     lengths = [b - a for a, b in pairwise(times)]
     slopes = [(b - a) / length for (a, b), length in zip(pairwise(positions), lengths, strict=True)]
     speeds = _round(lengths, slopes) if periodic else _speeds(lengths, slopes)
-    for place, length, slope, (a, b) in zip(positions, lengths, slopes, pairwise(speeds), strict=False):
+    for position, length, slope, (a, b) in zip(positions, lengths, slopes, pairwise(speeds), strict=False):
         bend, twist = (3.0 * slope - 2.0 * a - b) / length, (a + b - 2.0 * slope) / length**2
-        yield SplineSegment(place, a, bend, twist, length)
+        yield SplineSegment(position, a, bend, twist, length)
 
 
 def _speeds(lengths: Sequence[float], slopes: Sequence[float]) -> list[float]:

@@ -21,7 +21,7 @@ from axisbus.motion.commands import MoveSuperimposed
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.path_limit_check import PathLimitCheck, Ramped
-from axisbus.motion.position_limits import LookaheadTrajectory, Room
+from axisbus.motion.position_limits import LookaheadTrajectory, PositionRange
 from axisbus.motion.trajectory import Trajectory
 
 
@@ -64,7 +64,7 @@ class Addition:
         """The higher one of its accelerations, in unit/s²."""
         return self._shift.hardest
 
-    def go_on_from(self, before: Addition) -> None:
+    def continue_from(self, before: Addition) -> None:
         """Take over the rate of another superimposed motion, which this one replaces."""
         self._shift.rate = before.rate
 
@@ -85,15 +85,20 @@ class Addition:
         ``cycles``: seconds before braking takes effect.
         """
         time = self._shift.braking_time + cycles
-        way = math.copysign(braking_distance(velocity, deceleration), velocity)
-        return self._shift.braking + (self._shift.rate + velocity) * cycles + velocity * (time - cycles) + way
+        distance = math.copysign(braking_distance(velocity, deceleration), velocity)
+        return (
+            self._shift.braking
+            + (self._shift.rate + velocity) * cycles
+            + velocity * (time - cycles)
+            + distance
+        )
 
     def step(self, velocity: float, low: float, high: float) -> float:
         """Advance by one cycle and return the rate; the path moves at ``velocity``, the sum must be from ``low`` to ``high``."""
         shift = self._shift
         wanted, rate = shift.braked() if self._is_halted else shift.wanted(self.factor), shift.rate
-        held = min(max(wanted, low - velocity), high - velocity)
-        shift.go(min(max(held, min(0.0, rate, wanted)), max(0.0, rate, wanted)))
+        limited = min(max(wanted, low - velocity), high - velocity)
+        shift.go(min(max(limited, min(0.0, rate, wanted)), max(0.0, rate, wanted)))
         return shift.rate
 
 
@@ -102,15 +107,19 @@ class Addition:
 
 
 _LEAST = 0.02  # of max_acceleration: with less it would take too long
-_LATE = 2.0  # cycles: a finding of this cycle takes effect in the next one
+_REACTION_CYCLES = 2.0  # cycles: a finding of this cycle takes effect in the next one
 
 
 def admit(
-    addition: Addition, path: Trajectory, shifted: float, parameters: AxisParameters, room: Room | None
+    addition: Addition,
+    path: Trajectory,
+    shifted: float,
+    parameters: AxisParameters,
+    allowed: PositionRange | None,
 ) -> None:
     """Limit the addition's ramps to the acceleration that ``path``, which is already shifted by ``shifted`` (units), leaves.
 
-    ``room``: the permitted range of the axis; without position limits, the range of its drive's count.
+    ``allowed``: the permitted range of the axis; without position limits, the range of its drive's count.
 
     Raises:
         LimitError: the path leaves too little acceleration, or the sum is known to leave the position limits or the drive's count.
@@ -127,7 +136,7 @@ def admit(
                 "cell.toml",
             )
         addition.soften(left)
-    limits = parameters.limits.position or room
+    limits = parameters.limits.position or allowed
     if limits is None or not isinstance(path, LookaheadTrajectory):
         return
     low, high = (edge + shifted for edge in path.span)
@@ -151,7 +160,7 @@ def look_ahead(
     addition: Addition,
     here: float,
     velocity: float,
-    pace: PathLimitCheck,
+    limit_check: PathLimitCheck,
     limits: tuple[float, float],
     parameters: AxisParameters,
 ) -> LimitError | None:
@@ -162,7 +171,7 @@ def look_ahead(
     deceleration = parameters.path_deceleration
     if not deceleration:
         return None
-    rest = here + addition.rest(velocity, deceleration, _LATE * pace.period)
+    rest = here + addition.rest(velocity, deceleration, _REACTION_CYCLES * limit_check.period)
     if not (addition.rate > 0.0 and rest > limits[1]) and not (addition.rate < 0.0 and rest < limits[0]):
         return None
     name, unit = parameters.name, parameters.units.position.unit

@@ -12,7 +12,7 @@ from typing import Protocol
 from axisbus.errors import ArgumentError, one_line
 from axisbus.interrupt_guard import is_own
 from axisbus.motion.moves.profile import duration
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 
 
 class Trajectory(Protocol):
@@ -55,7 +55,9 @@ class TrapezoidalTrajectory:
         """
         values = (self.start, self.end, self.velocity, self.acceleration)
         if not _finite(values):
-            raise ArgumentError("a trapezoid needs finite numbers", observed=", ".join(map(told, values)))
+            raise ArgumentError(
+                "a trapezoid needs finite numbers", observed=", ".join(map(short_repr, values))
+            )
         if self.velocity <= 0 or self.acceleration <= 0:
             raise ArgumentError("a trapezoid needs velocity and acceleration above 0", observed=repr(self))
         total = duration(self.end - self.start, self.velocity, self.acceleration)
@@ -94,12 +96,12 @@ class TrapezoidalTrajectory:
             self.velocity / self.acceleration,
         )  # ``time`` to or from the nearer end
         if time <= ramp:
-            way = 0.5 * self.acceleration * time * time
+            distance = 0.5 * self.acceleration * time * time
         else:
-            way = 0.5 * self.acceleration * ramp * ramp + self.velocity * (time - ramp)
+            distance = 0.5 * self.acceleration * ramp * ramp + self.velocity * (time - ramp)
         if not first:
-            way = abs(end - start) - way
-        return start + way if end > start else start - way
+            distance = abs(end - start) - distance
+        return start + distance if end > start else start - distance
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,12 +167,12 @@ class CheckedTrajectory:
         self._trajectory = trajectory
         self._name = name
         try:
-            told: object = trajectory.duration
+            found: object = trajectory.duration
         except BaseException as error:
             if not is_own(error):
                 raise
             raise self._broken(error, "duration", _DURATION) from error
-        self.duration = self._number(told, "duration", _DURATION)
+        self.duration = self._number(found, "duration", _DURATION)
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds.
@@ -196,7 +198,9 @@ class CheckedTrajectory:
         """Return a value of the trajectory's own code as a number; any other value ends the command, and the error shows it."""
         found = number(value)
         if found is None:
-            raise ArgumentError(self._message(what), observed=f"it returned {told(value)}", remedy=remedy)
+            raise ArgumentError(
+                self._message(what), observed=f"it returned {short_repr(value)}", remedy=remedy
+            )
         return found
 
     def _message(self, what: str) -> str:

@@ -7,7 +7,9 @@ from itertools import pairwise
 
 from axisbus.motion.parameters import NOISE
 
-_KEPT = 7  # samples: six velocities; the medians of the older and the newer three give the acceleration
+_MAX_SAMPLES = (
+    7  # samples: six velocities; the medians of the older and the newer three give the acceleration
+)
 
 
 class VelocityEstimator:
@@ -20,7 +22,7 @@ class VelocityEstimator:
     __slots__ = ("_motion", "_recounts", "_samples")
 
     def __init__(self) -> None:
-        self._samples: deque[tuple[float, int]] = deque(maxlen=_KEPT)
+        self._samples: deque[tuple[float, int]] = deque(maxlen=_MAX_SAMPLES)
         self._motion: tuple[float, float] | None = None
         self._recounts = False
 
@@ -80,7 +82,7 @@ class VelocityEstimator:
         return max(0.0, min(abs(self.motion[0]), (abs(samples[-1][1] - first[1]) - NOISE) / seconds))
 
     @property
-    def gone(self) -> int:
+    def change(self) -> int:
         """The change of the count over all stored samples."""
         return self._samples[-1][1] - self._samples[0][1]
 
@@ -109,6 +111,6 @@ class VelocityEstimator:
         if len(speeds) < 3:
             return min(speeds, key=abs), 0.0
         velocity = sorted(speeds[-3:])[1]
-        if len(speeds) < _KEPT - 1:
+        if len(speeds) < _MAX_SAMPLES - 1:
             return velocity, 0.0
         return velocity, (velocity - sorted(speeds[:3])[1]) / (3.0 * self.spacing)

@@ -10,7 +10,7 @@ from pathlib import Path
 from types import TracebackType
 
 from axisbus.errors import ArgumentError, one_line
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.condition import Condition
 from axisbus.record.events import Watched
@@ -43,7 +43,7 @@ class Capture:
         for name, seconds in (("before", before), ("after", after)):
             found = number(seconds)
             if found is None or not 0.0 <= found <= _LONGEST:
-                raise ArgumentError(f"{name}={told(seconds)}: give seconds from 0 to {_LONGEST:g}")
+                raise ArgumentError(f"{name}={short_repr(seconds)}: give seconds from 0 to {_LONGEST:g}")
         self._session = machine.session
         self._target = McapFile(machine, path, axes)
         self._moment = moment_of(when, machine, self._target.forms)

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from axisbus.errors import ArgumentError, AxisbusError, StateError, one_line
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING
 from axisbus.record.columns import AxisForm, track_of
@@ -134,7 +134,7 @@ class LastMinute:
 def _last_seconds(cycles: list[Cycle], names: list[str], seconds: float) -> _Span | None:
     span = number(seconds)
     if span is None or span <= 0.0:
-        raise ArgumentError(f"seconds={told(seconds)}: give seconds above 0, or leave it out")
+        raise ArgumentError(f"seconds={short_repr(seconds)}: give seconds above 0, or leave it out")
     if not cycles:
         return None
     end = cycles[-1][0]

@@ -14,7 +14,7 @@ from axisbus.cia301.datatypes import Value
 from axisbus.eds.builtin import resolve
 from axisbus.errors import ArgumentError, AxisbusError, UserError, one_line
 from axisbus.ipc.image import CellImage
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import AxisForm, SampleRow
 from axisbus.record.events import RecordingEventSource, Watched
@@ -38,7 +38,7 @@ class McapFile:
         """
         if not isinstance(path, (str, os.PathLike)):
             raise ArgumentError(
-                f"{told(path)} is not a path of a file", remedy='give one, such as "run.mcap"'
+                f"{short_repr(path)} is not a path of a file", remedy='give one, such as "run.mcap"'
             )
         self.path = Path(path)
         self._machine = machine
@@ -186,7 +186,8 @@ def texts_of(what: str, given: Iterable[str]) -> list[str]:
     found = [given] if isinstance(given, str) else _all_of(given)
     if found is None or not all(isinstance(each, str) for each in found):
         raise ArgumentError(
-            f"{what}: {told(given)} are not names", remedy=f'give {what} as texts in a list, such as ["x"]'
+            f"{what}: {short_repr(given)} are not names",
+            remedy=f'give {what} as texts in a list, such as ["x"]',
         )
     return list(dict.fromkeys(found))
 

@@ -11,7 +11,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.cia401.port import SignalValidity
 from axisbus.cia401.signal import IoPoint
 from axisbus.errors import ArgumentError
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import AxisState
 from axisbus.record.columns import COLUMNS, NAMES, AxisForm
@@ -36,7 +36,7 @@ def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisF
         return Trigger(when, forms)
     if not isinstance(when, str):
         raise ArgumentError(
-            f"{told(when)} is not a condition",
+            f"{short_repr(when)} is not a condition",
             remedy='give a text such as "x.velocity > 100" or "fault", or a function of the axes\' values',
         )
     text = when.strip()

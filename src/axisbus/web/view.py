@@ -152,7 +152,7 @@ def bars_of(parameters: AxisParameters) -> list[Bar]:
     units, limits = parameters.units, parameters.limits
     unit, increment = units.position.unit, abs(units.position.to_units(1))
     torque = "of rated torque" if units.rated_torque is None else "N·m"
-    slack, decimals = parameters.place_window * increment, places(increment)
+    slack, decimals = parameters.position_tolerance * increment, places(increment)
     lag = _both(_lag(parameters, increment))
     return [
         Bar("position", "Position", unit, limits.position, slack, decimals),

@@ -268,7 +268,7 @@ MUTANTS: Mapping[str, Mutant] = {
         "an axis beyond a limit may not come back", ((accept_motion, "require_within_limits", _not_back),)
     ),
     "endless-count": Mutant(
-        "targets beyond the end of INTEGER32 are given", ((accept_motion, "room_of_count", _endless_count),)
+        "targets beyond the end of INTEGER32 are given", ((accept_motion, "count_range", _endless_count),)
     ),
     "demand-at-once": Mutant(
         "6062h is trusted before it was seen ahead of the axis", ((DemandTrust, "believes", _believed),)

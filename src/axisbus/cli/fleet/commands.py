@@ -17,7 +17,7 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, coloured, rounds, say,
 from axisbus.cli.shared.options import PATH, Seconds, packed, together
 from axisbus.errors import AxisbusError, said_of
 from axisbus.fleet.fleet import Fleet
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.wording import counted
 
 if TYPE_CHECKING:
@@ -250,7 +250,7 @@ def _stop(fleet: Fleet, names: Sequence[str]) -> dict[str, Handle]:
 
 def _confirmed(name: str, handle: Handle, deadline: float) -> bool:
     """Wait for the end of a stop, and print its result."""
-    look_at_end(handle)
+    mark_end_as_read(handle)
     try:
         handle.wait(max(0.0, deadline - time.monotonic()))
     except TimeoutError:

@@ -20,7 +20,7 @@ from axisbus.errors import ArgumentError, AxisbusError
 from axisbus.ipc import messages as m
 from axisbus.motion.commands import FollowTrajectory
 from axisbus.motion.moves.remote_trajectory import Streamed, StreamHead, following
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.path_limit_check import Ramped
 from axisbus.motion.position_limits import LookaheadTrajectory
 from axisbus.motion.trajectory import CheckedTrajectory, Trajectory
@@ -92,7 +92,7 @@ class Sampler:
         if found is None:
             raise ArgumentError(
                 f"{self._name}: the trajectory returned no {what}",
-                observed=f"it returned {told(value)}",
+                observed=f"it returned {short_repr(value)}",
                 remedy=f"correct its {what}, or leave it out",
             )
         return found

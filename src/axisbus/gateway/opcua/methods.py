@@ -11,7 +11,7 @@ from typing import NamedTuple
 from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, DriveError, OwnershipError, StaleError, UserError
 from axisbus.machine.axis import Axis
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 
 
@@ -80,7 +80,7 @@ async def carry_out(
     commands = [(axis, given(axis, verb, stops)) for axis in known]
     handles = [command for _, command in commands if isinstance(command, Handle)]
     for handle in handles:
-        look_at_end(handle)  # the client may be gone before it ends
+        mark_end_as_read(handle)  # the client may be gone before it ends
     if handles:
         await asyncio.wait([asyncio.ensure_future(_end(handle)) for handle in handles], timeout=limit)
     ends = [MethodResult("BadNoCommunication", f"{name}: its node has not come up") for name in missing]

@@ -10,7 +10,7 @@ from typing import NamedTuple
 from axisbus.errors import ArgumentError, StateError
 from axisbus.gateway.ros.messages import JointTrajectory, Waypoint
 from axisbus.gateway.ros.units import JointUnit
-from axisbus.motion.point_stream.timed import MOST, TrajectoryPoint
+from axisbus.motion.point_stream.timed import MAX_POINTS, TrajectoryPoint
 from axisbus.wording import counted
 
 NEAR = 500_000_000  # ns, the largest difference of the stamp from the present time
@@ -42,11 +42,11 @@ def judged(message: JointTrajectory, joints: Mapping[str, JointUnit], now: int) 
     _require_now(message, now)
     factors = [joints[name].factor for name in message.joints]
     points = [_point(count, point, factors) for count, point in enumerate(message.points, 1)]
-    if len(points) > MOST or points[-1].time > LONGEST:
+    if len(points) > MAX_POINTS or points[-1].time > LONGEST:
         raise ArgumentError(
             "the trajectory is too long",
             observed=f"it has {counted(len(points), 'point')}, and lasts {points[-1].time:g} s",
-            remedy=f"send at most {MOST} points, and {LONGEST:g} s",
+            remedy=f"send at most {MAX_POINTS} points, and {LONGEST:g} s",
         )
     return RosTrajectory(message.joints, tuple(points))
 

@@ -29,7 +29,7 @@ from axisbus.gateway.ros.messages import Attachment, attachment_of, trajectory_o
 from axisbus.gateway.ros.trajectory import RosTrajectory, judged, names_to_halt, to_halt
 from axisbus.gateway.ros.units import JointUnit
 from axisbus.machine.axis import Axis
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.wording import counted
@@ -130,7 +130,7 @@ class Commander:
             self._halts += 1
         names = to_halt(named, self._machine.axes)
         for name in names:
-            look_at_end(self._stops.give(name, "halt"))
+            mark_end_as_read(self._stops.give(name, "halt"))
         self._tell(f"a trajectory without points arrived: {', '.join(names)}: halt", None)
 
     # -- the threads ---------------------------------------------------------------------------------------------------
@@ -174,7 +174,7 @@ class Commander:
             self._halts_seen = heard.halts
         handle = self._handle = group.follow(wanted.points)  # checking a long trajectory takes a while
         if heard.halts != self._halts:
-            look_at_end(group.halt())
+            mark_end_as_read(group.halt())
         self._busy_at = time.monotonic()
         self._tell(_told(wanted), None)
         handle.add_done_callback(lambda: self._end(handle))

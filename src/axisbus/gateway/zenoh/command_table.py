@@ -9,7 +9,7 @@ from typing import Any
 
 from axisbus.errors import ArgumentError
 from axisbus.fleet.messages import CommandAsk, Value
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 
 
 @dataclass(frozen=True, slots=True)
@@ -117,4 +117,6 @@ def _typed(verb: str, name: str, value: Value, kind: type) -> Any:
     with suppress(OverflowError):  # an integer too large for a float
         if fits:
             return kind(value)
-    raise ArgumentError(f"{verb}: {told(value)} is not a valid {name}", remedy=f"give it as {_WORDS[kind]}")
+    raise ArgumentError(
+        f"{verb}: {short_repr(value)} is not a valid {name}", remedy=f"give it as {_WORDS[kind]}"
+    )

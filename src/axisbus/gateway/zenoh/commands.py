@@ -26,7 +26,7 @@ from axisbus.gateway.zenoh.execute import (
 )
 from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.ipc.rate import Bucket
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 
 LONGEST = 64  # characters of a client's name
@@ -268,7 +268,7 @@ class Jogs:
         handle = machine[axis].jog(
             values["velocity"], acceleration=values.get("acceleration"), continue_only=same
         )
-        look_at_end(handle)
+        mark_end_as_read(handle)
         presses.held[axis] = after, handle
 
     def stopped(self, axes: Collection[str]) -> None:

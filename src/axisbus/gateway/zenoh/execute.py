@@ -17,7 +17,7 @@ from axisbus.errors import AxisbusError, CommandError
 from axisbus.fleet.messages import CommandAnswer
 from axisbus.gateway.zenoh.command_table import BridgeAction
 from axisbus.ipc.errors import ErrorFields, to_fields
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
@@ -31,7 +31,7 @@ class CommandExecutor:
         self.handles = tuple(handles)
         self._refused = refused
         for handle in self.handles:
-            look_at_end(handle)  # the client may be gone
+            mark_end_as_read(handle)  # the client may be gone
 
     @property
     def busy(self) -> bool:

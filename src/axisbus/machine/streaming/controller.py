@@ -22,15 +22,15 @@ from axisbus.cia402.modes import ModeOfOperation
 from axisbus.core.lateness import Lateness
 from axisbus.errors import ArgumentError
 from axisbus.machine.command_dispatch import CommandDispatcher
-from axisbus.machine.handle import Handle, end_with, look_at_end
+from axisbus.machine.handle import Handle, end_with, mark_end_as_read
 from axisbus.machine.request import AxisCall
 from axisbus.motion.commands import ControllerCommand, ControllerOutput, CyclicTorque
-from axisbus.motion.numbers import told
+from axisbus.motion.numbers import short_repr
 from axisbus.motion.parameters import AxisParameters, Units
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import LatenessReport
 
-_LOOKS = 40  # checks for the next values in a scan period
+_CHECKS = 40  # checks for the next values in a scan period
 _LEAST, _MOST = 0.00005, 0.0005  # seconds between two checks
 
 
@@ -125,13 +125,13 @@ class Controller:
 
     def _next(self) -> Snapshot | None:
         """Wait for the values of the next cycle; None if they do not come in time."""
-        look = min(max(self._period / _LOOKS, _LEAST), _MOST)
+        pause = min(max(self._period / _CHECKS, _LEAST), _MOST)
         time.sleep(max(0.0, self._last + self._period - time.monotonic()))
-        for _ in range(_LOOKS):
+        for _ in range(_CHECKS):
             snapshot = self._session.snapshots[self._name]
             if snapshot.now > self._last:
                 return snapshot
-            time.sleep(look)
+            time.sleep(pause)
         return None
 
     def _observe(self, _now: float, snapshots: Mapping[str, Snapshot]) -> None:
@@ -154,7 +154,7 @@ class Controller:
             self.error = error
             answer = ControllerOutput(number, snapshot.now, 0, f"{type(error).__name__}: {error}")
         given = self._commanding.submit(self._name, answer, f"{self._text}, an answer")
-        look_at_end(given)  # an answer is refused only if the loop has already ended with an error
+        mark_end_as_read(given)  # an answer is refused only if the loop has already ended with an error
         if self._session.waiter.realtime:
             self._took.note(time.monotonic() - snapshot.now)
 
@@ -182,7 +182,7 @@ class Controller:
 
 
 _LATEST = 1000  # cycles
-_WAYS = ("velocity", "torque")
+_OUTPUTS = ("velocity", "torque")
 
 
 class Answering(NamedTuple):
@@ -202,35 +202,41 @@ class ControllerRamps(NamedTuple):
     slope: float | None
 
 
-def answering_of(parameters: AxisParameters, by: object, ramps: ControllerRamps, late: object) -> Answering:
+def answering_of(
+    parameters: AxisParameters, output: object, ramps: ControllerRamps, max_missed_cycles: object
+) -> Answering:
     """Return how a controller's answers are applied to an axis.
 
     Raises:
         ArgumentError, LimitError: a value that a controller cannot have, or a missing value.
     """
     request = AxisCall(parameters, "controller")
-    if not isinstance(by, str) or by not in _WAYS:
+    if not isinstance(output, str) or output not in _OUTPUTS:
         raise ArgumentError(
-            f"{request.text}: output {told(by)} is not known",
+            f"{request.text}: output {short_repr(output)} is not known",
             remedy='give "velocity" (unit/s, in csv) or "torque" (N·m, in cst)',
         )
-    if not isinstance(late, int) or isinstance(late, bool) or not 0 <= late <= _LATEST:
+    if (
+        not isinstance(max_missed_cycles, int)
+        or isinstance(max_missed_cycles, bool)
+        or not 0 <= max_missed_cycles <= _LATEST
+    ):
         raise ArgumentError(
-            f"{request.text}: max_missed_cycles {told(late)} is not a number of cycles from 0 to {_LATEST}"
+            f"{request.text}: max_missed_cycles {short_repr(max_missed_cycles)} is not a number of cycles from 0 to {_LATEST}"
         )
     number = secrets.randbits(48)
-    if by == "velocity":
+    if output == "velocity":
         up, down = ramps.acceleration, ramps.deceleration
         begin = request.cyclic_velocity(0.0, up, down)
         return Answering(
-            ControllerCommand(number, begin, late),
+            ControllerCommand(number, begin, max_missed_cycles),
             ModeOfOperation.CYCLIC_SYNC_VELOCITY,
             parameters.limits.velocity,
             lambda value: request.cyclic_velocity(value, up, down).velocity,
         )
-    push = CyclicTorque(request.torque(0.0), request.cyclic_slope(ramps.slope))
+    torque = CyclicTorque(request.torque(0.0), request.cyclic_slope(ramps.slope))
     return Answering(
-        ControllerCommand(number, push, late),
+        ControllerCommand(number, torque, max_missed_cycles),
         ModeOfOperation.CYCLIC_SYNC_TORQUE,
         parameters.limits.torque,
         request.torque,

@@ -7,7 +7,7 @@ from typing import NamedTuple, TypedDict
 
 from axisbus.errors import ArgumentError
 from axisbus.machine.axis import Axis
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.point_stream.commands import OnUnderrun
 from axisbus.toml.value_readers import InvalidValue, duration
 
@@ -16,7 +16,7 @@ _IN_A_CYCLE = 8  # points in one cycle: each takes some of its time
 _READ = duration("100us", "60s")
 
 
-class StreamWords(TypedDict, total=False):
+class StreamKeywords(TypedDict, total=False):
     """The options of ``Group.stream``."""
 
     period: float | str | None
@@ -39,27 +39,27 @@ def options_of(
     on_underrun: object,
     buffer: object,
     *,
-    places: bool = False,
+    in_workspace: bool = False,
 ) -> StreamOptions:
-    """Return the options of a stream; ``text`` names the call in messages. ``places``: its points are of a workspace.
+    """Return the options of a stream; ``text`` names the call in messages. ``in_workspace``: its points are of a workspace.
 
     Raises:
         ArgumentError: a value that a stream cannot have, or an axis that cannot be in a stream.
     """
     for name, axis in axes.items():
-        _require_able(name, axis, text, places=places)
+        _require_able(name, axis, text, in_workspace=in_workspace)
     scan = next(iter(axes.values())).scan_period
     step = None if period is None else _seconds(text, "period", period)
     if step is not None:
         require_apart(step, scan, text, "period")
     try:
-        way = OnUnderrun(on_underrun)
+        reaction = OnUnderrun(on_underrun)
     except ValueError:
         raise ArgumentError(
-            f"{text}: on_underrun {told(on_underrun)} is not known",
+            f"{text}: on_underrun {short_repr(on_underrun)} is not known",
             remedy='give "hold" (the axes wait for more points) or "error" (the stream ends)',
         ) from None
-    return StreamOptions(step, way, _seconds(text, "buffer", buffer))
+    return StreamOptions(step, reaction, _seconds(text, "buffer", buffer))
 
 
 def require_apart(seconds: float, scan: float, text: str, what: str, longest: float | None = _MOST) -> None:
@@ -74,8 +74,8 @@ def require_apart(seconds: float, scan: float, text: str, what: str, longest: fl
         )
 
 
-def _require_able(name: str, axis: Axis, text: str, *, places: bool) -> None:
-    if places and axis.modulo is not None:
+def _require_able(name: str, axis: Axis, text: str, *, in_workspace: bool) -> None:
+    if in_workspace and axis.modulo is not None:
         raise ArgumentError(
             f"{text}: {name} is endless, so its positions have no poses in a workspace",
             observed=f"its modulo is {axis.modulo:g} {axis.unit}",
@@ -93,7 +93,7 @@ def _seconds(text: str, what: str, value: object) -> float:
             found = None
     if found is None or not _LEAST <= found <= _MOST:
         raise ArgumentError(
-            f"{text}: {what} {told(value)} is not a time from {_LEAST:g} to {_MOST:g} s",
+            f"{text}: {what} {short_repr(value)} is not a time from {_LEAST:g} to {_MOST:g} s",
             remedy='give seconds, such as 0.01, or a time with its unit, such as "10ms"',
         )
     return found

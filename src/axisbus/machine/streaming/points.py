@@ -20,28 +20,33 @@ from typing import NamedTuple, Self
 from axisbus.errors import ArgumentError, AxisbusError, LimitError, Replaced, StateError
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
-from axisbus.machine.handle import Handle, end_with, patience
+from axisbus.machine.handle import Handle, end_with, timeout_seconds
 from axisbus.machine.streaming.options import StreamOptions, require_apart
-from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, said
-from axisbus.machine.user_kinematics.point_solver import PlaceJoining, Solving, UserKinematicsSolver, of_point
+from axisbus.machine.user_kinematics.kinematics import UserKinematicsAdapter, prefixed
+from axisbus.machine.user_kinematics.point_solver import (
+    UserKinematicsSolver,
+    WorkspaceCurveFit,
+    WorkspaceSolver,
+    point_error,
+)
 from axisbus.motion.command_status import Status
 from axisbus.motion.group.commands import GroupContinue
 from axisbus.motion.group.kinematics import Kinematics
-from axisbus.motion.group.segments import Place
-from axisbus.motion.numbers import number, told
-from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, Span
-from axisbus.motion.point_stream.curve_fit import CurveFit, PointAccepted, StreamPoint
+from axisbus.motion.group.segments import Coordinates
+from axisbus.motion.numbers import number, short_repr
+from axisbus.motion.point_stream.commands import AddPoints, FollowPoints, StreamSegment
+from axisbus.motion.point_stream.curve_fit import CurveFit, IncrementalFit, StreamPoint
 from axisbus.session import Target
 from axisbus.wording import counted
 
-_MOST = 2048  # maximum number of spans ahead: the core holds twice as many
+_MOST = 2048  # maximum number of segments ahead: the core holds twice as many
 
 
 class _Sent(NamedTuple):
-    """Spans as they were sent to the core: the number of the first, and the seconds of the stream up to their end."""
+    """Segments as they were sent to the core: the number of the first, and the seconds of the stream up to their end."""
 
     first: int
-    spans: tuple[Span, ...]
+    segments: tuple[StreamSegment, ...]
     known: float
     begins: bool
     ends: bool
@@ -76,12 +81,12 @@ class PointStream:
         self._scan = next(iter(axes.values())).scan_period
         self._number = secrets.randbits(48)
         self._lock = threading.RLock()
-        self._solving = _solving_of(axes, kinematics)
-        self._joining = _joining_of(axes, text, self._solving)
-        self._names = _names_of(axes, text, self._solving)
+        self._solver = _solver_of(axes, kinematics)
+        self._fit = _fit_of(axes, text, self._solver)
+        self._names = _names_of(axes, text, self._solver)
         self._begin: float | None = None  # the time of the first point
         self._shifts = tuple(0.0 for _ in axes)  # for endless axes: whole turns before the first point
-        self._sent = self._done = 0  # spans
+        self._sent = self._done = 0  # segments
         self._parts: deque[_Sent] = deque()  # the parts whose end the axes have not reached
         self._known = self._passed = self._braking = 0.0
         self._ended = False
@@ -138,9 +143,9 @@ class PointStream:
             TimeoutError: the buffer is still full; the point is discarded.
             StateError: the stream has been ended. AxisbusError: the error that ended it.
         """
-        wait, most = self._commanding.session.waiter.wait, patience(f"{self._text}, push", timeout)
+        wait, limit = self._commanding.session.waiter.wait, timeout_seconds(f"{self._text}, push", timeout)
         while not self.try_push(point):
-            if not wait(lambda: self._has_room or not self.handle.busy, most):
+            if not wait(lambda: self._has_room or not self.handle.busy, limit):
                 raise TimeoutError(
                     f"{self._text}: no room for point {self.count + 1} after {timeout:g} s; {self.buffered_seconds:.3f} s "
                     "are buffered"
@@ -150,21 +155,21 @@ class PointStream:
         """As ``push``, but never block: return False if the buffer is full; the point is then discarded."""
         with self._lock:
             self._require_open()
-            made = self._point(point)
+            stream_point = self._point(point)
             if not self._has_room:
                 return False
-            spans = _tuple(self._joining.take(made))
-            if spans:
-                self._send(spans)
+            segments = _tuple(self._fit.take(stream_point))
+            if segments:
+                self._send(segments)
             return True
 
     def finish(self) -> Handle:
         """Bring the axes to rest at the last point; return the stream's handle. Does not block; harmless when repeated."""
         with self._lock:
             if not self._ended and self.handle.busy:
-                spans = _tuple(self._joining.end())
+                segments = _tuple(self._fit.end())
                 self._ended = True
-                self._send(spans)
+                self._send(segments)
         return self.handle
 
     def resume(self) -> Handle:
@@ -199,7 +204,7 @@ class PointStream:
     @property
     def count(self) -> int:
         """The number of accepted points."""
-        return self._joining.count
+        return self._fit.count
 
     @property
     def _has_room(self) -> bool:
@@ -228,42 +233,42 @@ class PointStream:
             given = []
         if len(given) != len(names) or None in given:
             raise ArgumentError(
-                f"{text} is invalid: {told(values)}",
+                f"{text} is invalid: {short_repr(values)}",
                 observed=f"a point is {counted(len(names), 'finite number')}",
                 remedy=f"give one for each of {', '.join(names)}, in this order; this point was rejected",
             )
         numbers = [value for value in given if value is not None]
-        place = tuple(numbers[1:] if timed else numbers)
+        coordinates = tuple(numbers[1:] if timed else numbers)
         t = self._time(numbers[0] if timed else None, text)
         call = f"push (point {self.count + 1})"
-        return StreamPoint(t, self._checked(place, call, text))
+        return StreamPoint(t, self._checked(coordinates, call, text))
 
-    def _checked(self, place: Place, call: str, text: str) -> Place:
+    def _checked(self, coordinates: Coordinates, call: str, text: str) -> Coordinates:
         """Return a point, continued from the present turn of endless axes. The first must be the present position of the axes."""
         axes = list(self._axes.values())
-        if self._solving is not None:
+        if self._solver is not None:
             for axis in axes:
                 axis._require_homed(call)
             if not self.count:
-                for axis, value in zip(axes, self._joints(self._solving, place, text), strict=True):
+                for axis, value in zip(axes, self._joints(self._solver, coordinates, text), strict=True):
                     axis._require_at_start(text, value)
-            return place
-        for axis, value in zip(axes, place, strict=True):
+            return coordinates
+        for axis, value in zip(axes, coordinates, strict=True):
             if axis.modulo is None:
                 axis._absolute_position(call, value)
             else:
                 axis._require_homed(call)
         if not self.count:
-            self._shifts = tuple(_turns(axis, value) for axis, value in zip(axes, place, strict=True))
-            for axis, value, shift in zip(axes, place, self._shifts, strict=True):
+            self._shifts = tuple(_turns(axis, value) for axis, value in zip(axes, coordinates, strict=True))
+            for axis, value, shift in zip(axes, coordinates, self._shifts, strict=True):
                 axis._require_at_start(text, value + shift)
-        return tuple(value + shift for value, shift in zip(place, self._shifts, strict=True))
+        return tuple(value + shift for value, shift in zip(coordinates, self._shifts, strict=True))
 
-    def _joints(self, solving: Solving, place: Place, text: str) -> Place:
+    def _joints(self, solver: WorkspaceSolver, coordinates: Coordinates, text: str) -> Coordinates:
         try:
-            return solving.inverse(place, _led(self._axes))
+            return solver.inverse(coordinates, _commanded_positions(self._axes))
         except AxisbusError as error:
-            raise of_point(text, error) from error
+            raise point_error(text, error) from error
         except ValueError as error:
             raise LimitError(
                 f"{text} is out of reach",
@@ -273,7 +278,7 @@ class PointStream:
 
     def _time(self, given: float | None, text: str) -> float:
         """Return the time of a point, relative to the first point."""
-        last = self._joining.last
+        last = self._fit.last
         if last is None:
             self._begin = given
             return 0.0
@@ -291,65 +296,73 @@ class PointStream:
         require_apart(t - last.t, self._scan, text, "the time after the last")
         return t
 
-    def _send(self, spans: tuple[Span, ...]) -> None:
-        """Send spans to the core."""
-        first, self._sent = self._sent, self._sent + len(spans)
-        self._known += sum(span.seconds for span in spans)
-        self._braking = max([self._braking, *(1.0 / span.ramp for span in spans)])
-        self._give(_Sent(first, spans, self._known, self._ended or not self._has_room, self._ended))
+    def _send(self, segments: tuple[StreamSegment, ...]) -> None:
+        """Send segments to the core."""
+        first, self._sent = self._sent, self._sent + len(segments)
+        self._known += sum(segment.seconds for segment in segments)
+        self._braking = max([self._braking, *(1.0 / segment.ramp for segment in segments)])
+        self._give(_Sent(first, segments, self._known, self._ended or not self._has_room, self._ended))
 
     def _give(self, sent: _Sent) -> None:
-        """Send spans to the core, possibly a second time, and note when the axes have reached their end."""
+        """Send segments to the core, possibly a second time, and note when the axes have reached their end."""
         self._parts.append(sent)
         command = AddPoints(
-            tuple(self._axes), self._number, sent.first, sent.spans, begins=sent.begins, ends=sent.ends
+            tuple(self._axes), self._number, sent.first, sent.segments, begins=sent.begins, ends=sent.ends
         )
         part = self._commanding.submit(self._key, command, f"{self._text}, points up to {self.count}")
-        part.add_done_callback(lambda: self._hear(part, sent))
+        part.add_done_callback(lambda: self._on_part_ended(part, sent))
 
-    def _hear(self, part: Handle, sent: _Sent) -> None:
+    def _on_part_ended(self, part: Handle, sent: _Sent) -> None:
         if part.status is Status.DONE:
-            self._passed, self._done = sent.known, sent.first + len(sent.spans)
+            self._passed, self._done = sent.known, sent.first + len(sent.segments)
             while self._parts and self._parts[0].known <= sent.known and not self._parts[0].ends:
                 self._parts.popleft()
         elif part.status is Status.ERROR:
             self._failure = self._failure or part.exception()
 
 
-def _solving_of(
+def _solver_of(
     axes: Mapping[str, Axis], kinematics: Kinematics | UserKinematicsAdapter | None
-) -> Solving | None:
+) -> WorkspaceSolver | None:
     if kinematics is None or isinstance(kinematics, UserKinematicsAdapter):
         return kinematics
     return UserKinematicsSolver(kinematics, [axis.increment for axis in axes.values()])
 
 
-def _joining_of(
-    axes: Mapping[str, Axis], text: str, solving: Solving | None
-) -> PointAccepted[Span] | PointAccepted[tuple[Span, ...]]:
+def _fit_of(
+    axes: Mapping[str, Axis], text: str, solver: WorkspaceSolver | None
+) -> IncrementalFit[StreamSegment] | IncrementalFit[tuple[StreamSegment, ...]]:
     allowed = {name: axis._stream_limits() for name, axis in axes.items()}
-    if solving is None:
+    if solver is None:
         return CurveFit(allowed, text)
-    return PlaceJoining(solving, allowed, lambda: _led(axes), text)
+    return WorkspaceCurveFit(solver, allowed, lambda: _commanded_positions(axes), text)
 
 
-def _names_of(axes: Mapping[str, Axis], text: str, solving: Solving | None) -> list[str]:
+def _names_of(axes: Mapping[str, Axis], text: str, solver: WorkspaceSolver | None) -> list[str]:
     """Return the names of a point's numbers. The user's own kinematics may have fewer coordinates than axes."""
-    if not isinstance(solving, UserKinematicsAdapter):
+    if not isinstance(solver, UserKinematicsAdapter):
         return list(axes)
     try:
-        return [f"coordinate {number + 1}" for number, _ in enumerate(solving.forward(_led(axes)))]
+        return [
+            f"coordinate {number + 1}" for number, _ in enumerate(solver.forward(_commanded_positions(axes)))
+        ]
     except AxisbusError as error:
-        raise said(text, error) from error
+        raise prefixed(text, error) from error
 
 
-def _led(axes: Mapping[str, Axis]) -> Place:
+def _commanded_positions(axes: Mapping[str, Axis]) -> Coordinates:
     """Return the commanded positions of the axes."""
     return tuple(axis.commanded_position for axis in axes.values())
 
 
-def _tuple(made: Span | tuple[Span, ...] | None) -> tuple[Span, ...]:
-    return () if made is None else (made,) if isinstance(made, Span) else made
+def _tuple(stream_point: StreamSegment | tuple[StreamSegment, ...] | None) -> tuple[StreamSegment, ...]:
+    return (
+        ()
+        if stream_point is None
+        else (stream_point,)
+        if isinstance(stream_point, StreamSegment)
+        else stream_point
+    )
 
 
 def _turns(axis: Axis, position: float) -> float:

@@ -22,7 +22,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.jerk.velocity import JerkLimitedVelocity
-from axisbus.motion.modes import FOLLOWS_TARGETS, KEPT_MODES, RESTING_MODES
+from axisbus.motion.modes import FOLLOWS_TARGETS, RESTING_MODES, RETAINED_MODES
 from axisbus.motion.moves.activity import Activity
 from axisbus.motion.moves.adopt_enabled_drive import DriveAdoption
 from axisbus.motion.moves.coast_and_reset import Coast, ResetActivity
@@ -123,7 +123,7 @@ def _runs(core: AxisCore, activity: type[Activity]) -> bool:
 def _resting_modes(core: AxisCore) -> list[ModeOfOperation]:
     """Return the resting modes that the drive has. A drive found energised keeps its mode, if the mode holds the axis."""
     image = core.image
-    if image.state in ENERGISED and image.mode in KEPT_MODES:
+    if image.state in ENERGISED and image.mode in RETAINED_MODES:
         found = ModeOfOperation(image.mode)
         return [found, *(mode for mode in RESTING_MODES if mode in core.parameters.modes and mode != found)]
     return [mode for mode in RESTING_MODES if mode in core.parameters.modes]

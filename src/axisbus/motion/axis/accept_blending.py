@@ -12,7 +12,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.blending.blended_profile import Leg
 from axisbus.motion.blending.csp_blending import BlendedCommand, BlendedMoves
 from axisbus.motion.blending.jerk_limited import JerkLimitedBlendedMoves
-from axisbus.motion.blending.mode import BufferMode, began_from_rest, softer
+from axisbus.motion.blending.mode import BufferMode, began_from_rest, needs_longer_mean
 from axisbus.motion.blending.pp_blending import BlendedTarget
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.group.path_builder import window
@@ -92,7 +92,7 @@ def _take_up(core: AxisCore, move: CspMove, ticket: CommandStatus) -> None:
     moves = BlendedMoves(
         BlendedCommand(leg, move.target, ticket, move.profile.timeout), core.path_parameters, OPEN
     )
-    moves.take_up(going, move)
+    moves.adopt_move(going, move)
     core.running.activity = moves
 
 
@@ -107,7 +107,7 @@ def _take_up_softly(core: AxisCore, move: JerkLimitedMove, ticket: CommandStatus
     if way is None:
         move.cancel(core.order)
     else:
-        moves.take_up_softly(way, move)
+        moves.adopt_jerk_limited_move(way, move)
     core.running.activity = moves
 
 
@@ -122,7 +122,7 @@ def _cycles(core: AxisCore, profile: MoveProfile, ticket: CommandStatus) -> int:
 def _join(core: AxisCore, moves: BlendedMoves, command: c.BufferedMove, ticket: CommandStatus) -> str | None:
     _require_few(moves.commands, ticket)
     needed = _cycles(core, command.move.profile, ticket)
-    why = moves.why_not or ("" if needed <= moves.window else softer())
+    why = moves.why_not or ("" if needed <= moves.window else needs_longer_mean())
     if why:
         return began_from_rest(why)
     shift = core.parameters.units.position.to_increments(moves.shifted)
@@ -149,7 +149,7 @@ def _hand_on(
         return began_from_rest(
             "the actual position (6064h) is unknown, so the passing of the end cannot be detected"
         )
-    if abs(move.target - position) <= core.parameters.place_window:
+    if abs(move.target - position) <= core.parameters.position_tolerance:
         return began_from_rest("it came after the end of the previous command")
     if (move.target - position) * (target - move.target) <= 0:
         return began_from_rest("the motion reverses there, or the move has no length")

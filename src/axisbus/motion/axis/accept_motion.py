@@ -32,7 +32,7 @@ from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.parameters import NOISE, AxisParameters
-from axisbus.motion.position_limits import allowed_end, room_of_count
+from axisbus.motion.position_limits import allowed_end, count_range
 from axisbus.motion.setpoint_update import overridden
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.diagnosis import not_to_be_reset
@@ -229,10 +229,10 @@ def require_count(
     parameters: AxisParameters, position: int, target: int, origin: int, ticket: CommandStatus
 ) -> None:
     """Raise LimitError if the drive's count at ``position`` ends before ``target`` (both unwrapped): 607Ah holds no more."""
-    if parameters.units.modulo is not None or parameters.virtual or room_of_count(position).has(target):
+    if parameters.units.modulo is not None or parameters.virtual or count_range(position).has(target):
         return
     units = parameters.units.position
-    low, high = sorted(units.to_units(end - origin) for end in room_of_count(position))
+    low, high = sorted(units.to_units(end - origin) for end in count_range(position))
     raise LimitError(
         f"{ticket.name}: would end beyond the drive's position range (607Ah, INTEGER32)",
         observed=f"at {units.to_units(target - origin):.10g} {units.unit}; the range of the drive is {low:.10g} to {high:.10g}",
@@ -274,7 +274,7 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus
     if isinstance(core.activity, Jog) and core.activity.renew(command, core.image):
         core.finish(ticket)
         return
-    if command.renews:
+    if command.continue_only:
         raise Interrupted(
             f"{ticket.name}: the jog has ended already, so it cannot be continued", remedy="begin another one"
         )
@@ -431,7 +431,7 @@ def require_within_drive(core: AxisCore, ticket: CommandStatus) -> None:
     parameters, position, edges = core.parameters, core.image.position, core.parameters.position_edges
     if not parameters.limits_in_drive or position is None or edges is None:
         return
-    window = max(NOISE, parameters.place_window)
+    window = max(NOISE, parameters.position_tolerance)
     if edges[0] - window <= position <= edges[1] + window:
         return
     units = parameters.units.position
@@ -502,7 +502,7 @@ def _coupled(core: AxisCore, ticket: CommandStatus) -> Coupled:
     """Return the running coupling of the axis to a master axis; raise StateError if there is none."""
     require_motion(core, ticket)
     activity = core.activity
-    if not isinstance(activity, Coupled) or not activity.is_led:
+    if not isinstance(activity, Coupled) or not activity.is_coupled:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is not coupled to a master axis",
             remedy="couple it to a master first, by a gear or a cam",

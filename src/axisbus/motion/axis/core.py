@@ -49,7 +49,7 @@ from axisbus.motion.axis.loss import Loss
 from axisbus.motion.axis.queue import Queue
 from axisbus.motion.command_status import CommandStatus, broken
 from axisbus.motion.cyclic.ramps import VelocityRamp
-from axisbus.motion.feed_forward import forward_of, offsets_of
+from axisbus.motion.feed_forward import feed_forward_of, offsets_of
 from axisbus.motion.jerk.drive_profile_type import ProfileType
 from axisbus.motion.modes import WITHOUT_TARGET_POSITION
 from axisbus.motion.moves.activity import Activity
@@ -123,7 +123,7 @@ class AxisCore:
         self.tripped: AxisbusError | None = None  # set for one cycle: the fault policy reads it
         self.running = ActiveCommand()
         self.queue = Queue()
-        self.forward = forward_of(parameters)
+        self.forward = feed_forward_of(parameters)
         self.probes = Probes(parameters, self.running)
         self.last_target: int | None = None
         self.halted = False

@@ -163,7 +163,7 @@ class FastPath:
         led.target = core.last_target = target = self._follow.go_on(ahead, now)
         led.rate = target - before
         if self._forward is not None:
-            offsets = self._forward.lead(ahead[1])
+            offsets = self._forward.offsets(ahead[1])
             return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, *offsets, None))
         return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, None, None, None))
 

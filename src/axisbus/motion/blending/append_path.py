@@ -21,21 +21,21 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
-from axisbus.motion.blending.mode import BufferMode, narrower_corner, stopped_at_joint
-from axisbus.motion.group.path import CycleVelocity, Part, Path, way_of
+from axisbus.motion.blending.mode import BufferMode, narrower_corner, stopped_at_transition
+from axisbus.motion.group.path import CycleVelocity, Path, PathSegment, build_path
 from axisbus.motion.group.path_speed import PathSpeed, SpeedRequest
-from axisbus.motion.group.segments import Corner, Place, Straight, corner, direction
+from axisbus.motion.group.segments import Coordinates, Corner, Straight, corner, direction
 from axisbus.motion.parameters import AxisLimits
 
-_NARROWER = 12  # number of times that a corner is halved before it becomes a stop
+_HALVINGS = 12  # number of times that a corner is halved before it becomes a stop
 _SAME = 1e-12
 
 
 class ActivePath(NamedTuple):
     """An active path, with the requested velocities of its speed zones, and the velocity of its last command."""
 
-    way: Path
-    asked: SpeedRequest
+    path: Path
+    requested: SpeedRequest
     velocity: float
 
 
@@ -45,228 +45,244 @@ class PathContinuation(NamedTuple):
     ``blend``: the greatest distance of the corner from the transition.
     """
 
-    way: Path
+    path: Path
     velocity: float
     mode: BufferMode
     blend: float = 0.0
 
 
-class JoinedPath(NamedTuple):
+class ExtendedPath(NamedTuple):
     """The combined path, and the path position at which the appended path takes over (``mark``).
 
-    ``told``: the note on the handle if the transition differs from the requested one.
+    ``note``: the note on the handle if the transition differs from the requested one.
     """
 
-    going: ActivePath
+    active: ActivePath
     mark: float
-    told: str = ""
+    note: str = ""
 
 
 class _Rows(NamedTuple):
     """The speed zones of a path, as lists."""
 
     marks: list[float]
-    tops: list[float]
+    max_speeds: list[float]
     ramps: list[float]
-    leaves: list[float]
+    max_exit_speeds: list[float]
     velocities: list[float]
     exits: list[float]
 
 
-def going_of(way: Path, velocity: float) -> ActivePath:
+def active_path_of(path: Path, velocity: float) -> ActivePath:
     """Return an active path with one velocity."""
-    same = (velocity,) * len(way.tops)
-    return ActivePath(way, SpeedRequest(same, same), velocity)
+    same = (velocity,) * len(path.max_speeds)
+    return ActivePath(path, SpeedRequest(same, same), velocity)
 
 
-def joined(
-    going: ActivePath,
+def append_path(
+    active: ActivePath,
     travel: PathSpeed,
     following: PathContinuation,
     limits: Sequence[AxisLimits],
     period: float,
     ease: float = 1.0,
-) -> JoinedPath:
+) -> ExtendedPath:
     """Return both paths as one; ``travel`` is on the first one, at any speed.
 
     ``ease``: the share of the permitted speeds that the corner and the appended path may use. The appended path must
     have a length. The axes stop at the transition if the path reverses there, or if no corner fits any more.
     """
-    way = going.way
+    path = active.path
     if ease != 1.0:
-        following = following._replace(way=following.way.slower(ease))
-    first, last = following.way.pieces[0], way.pieces[-1]
-    if not way.length > way.starts[-1] or not isinstance(last, Straight) or not isinstance(first, Straight):
-        return _stopped(going, travel, following, "the end of the segment before it cannot be rounded")
+        following = following._replace(path=following.path.slower(ease))
+    first, last = following.path.segments[0], path.segments[-1]
+    if not path.length > path.starts[-1] or not isinstance(last, Straight) or not isinstance(first, Straight):
+        return _stopped(active, travel, following, "the end of the segment before it cannot be rounded")
     into, out = direction(last.start, last.end)[0], direction(first.start, first.end)[0]
-    room = min(way.length - max(travel.ahead, way.marks[-2]), 0.5 * first.length)
-    late = travel.ahead > max(way.marks[-2], way.length - 0.5 * first.length)
+    max_trim = min(path.length - max(travel.ahead, path.marks[-2]), 0.5 * first.length)
+    is_late = travel.ahead > max(path.marks[-2], path.length - 0.5 * first.length)
     width = following.blend
-    for _ in range(_NARROWER):
+    for _ in range(_HALVINGS):
         try:
-            bend = corner(last.end, into, out, within=width, room=max(room, 0.0))
+            rounding = corner(last.end, into, out, within=width, max_trim=max(max_trim, 0.0))
         except ValueError:
-            return _stopped(going, travel, following, "the path reverses there")
-        if bend is None:
-            return _joined_at(None, going, travel, following, stands=False)
-        if not bend.length > _SAME * (1.0 + way.length):
+            return _stopped(active, travel, following, "the path reverses there")
+        if rounding is None:
+            return _extended_at(None, active, travel, following, stops=False)
+        if not rounding.length > _SAME * (1.0 + path.length):
             break
-        bent = _bent(bend, going, following, limits, period)
-        bent = bent if ease == 1.0 else bent.slower(ease)
-        found = _joined_at(bent, going, travel, following, stands=False)
-        if travel.fits(found.going.way, period):
-            is_narrower = late and bend.trim >= room * (1.0 - _SAME)
-            return found._replace(told=narrower_corner()) if is_narrower else found
-        width = room = 0.5 * bend.trim if width > bend.trim else 0.5 * width
-        late = True
-    why = "it came too late for the corner" if late else "there is no room for a corner"
-    return _stopped(going, travel, following, why)
+        corner_path = _corner_path(rounding, active, following, limits, period)
+        corner_path = corner_path if ease == 1.0 else corner_path.slower(ease)
+        found = _extended_at(corner_path, active, travel, following, stops=False)
+        if travel.fits(found.active.path, period):
+            is_narrower = is_late and rounding.trim >= max_trim * (1.0 - _SAME)
+            return found._replace(note=narrower_corner()) if is_narrower else found
+        width = max_trim = 0.5 * rounding.trim if width > rounding.trim else 0.5 * width
+        is_late = True
+    why = "it came too late for the corner" if is_late else "there is no room for a corner"
+    return _stopped(active, travel, following, why)
 
 
-def _stopped(going: ActivePath, travel: PathSpeed, following: PathContinuation, why: str) -> JoinedPath:
-    found = _joined_at(None, going, travel, following, stands=True)
-    return found._replace(told=stopped_at_joint(why))
+def _stopped(active: ActivePath, travel: PathSpeed, following: PathContinuation, why: str) -> ExtendedPath:
+    found = _extended_at(None, active, travel, following, stops=True)
+    return found._replace(note=stopped_at_transition(why))
 
 
-def _bent(
-    bend: Corner, going: ActivePath, following: PathContinuation, limits: Sequence[AxisLimits], period: float
+def _corner_path(
+    rounding: Corner,
+    active: ActivePath,
+    following: PathContinuation,
+    limits: Sequence[AxisLimits],
+    period: float,
 ) -> Path:
     """Return the corner as a path of its own, with its speed zones."""
-    cycle = CycleVelocity(max(going.velocity, following.velocity), period)
-    return way_of([bend], limits, min(going.way.ramps[-1], following.way.ramps[0]), (), cycle)
+    cycle = CycleVelocity(max(active.velocity, following.velocity), period)
+    return build_path([rounding], limits, min(active.path.ramps[-1], following.path.ramps[0]), (), cycle)
 
 
-def _joined_at(
-    bent: Path | None, going: ActivePath, travel: PathSpeed, following: PathContinuation, *, stands: bool
-) -> JoinedPath:
-    speed = 0.0 if stands else following.mode.velocity(going.velocity, following.velocity)
-    way, rows = going.way, _rows_ahead(going, travel)
-    behind = min(bisect_right(way.starts, travel.t) - 1, len(way.pieces) - 1)
-    pieces, starts = list(way.pieces[behind:]), list(way.starts[behind:])
-    trim = 0.0 if bent is None else _trim(bent)
-    end = way.length - trim
+def _extended_at(
+    corner_path: Path | None,
+    active: ActivePath,
+    travel: PathSpeed,
+    following: PathContinuation,
+    *,
+    stops: bool,
+) -> ExtendedPath:
+    speed = 0.0 if stops else following.mode.velocity(active.velocity, following.velocity)
+    path, rows = active.path, _rows_ahead(active, travel)
+    behind = min(bisect_right(path.starts, travel.t) - 1, len(path.segments) - 1)
+    segments, starts = list(path.segments[behind:]), list(path.starts[behind:])
+    trim = 0.0 if corner_path is None else _trim(corner_path)
+    end = path.length - trim
     rows.marks[-1] = end
-    pieces[-1] = _shortened(pieces[-1], trim, at_end=True)
-    if speed > going.velocity:
+    segments[-1] = _shortened(segments[-1], trim, at_end=True)
+    if speed > active.velocity:
         _split(rows, speed, travel.ahead)
-    settled, mark = len(rows.tops) - 2, end
-    rows.leaves[-1] = rows.tops[-1]
-    if bent is not None:
-        mark = end + 0.5 * bent.length
+    settled, mark = len(rows.max_speeds) - 2, end
+    rows.max_exit_speeds[-1] = rows.max_speeds[-1]
+    if corner_path is not None:
+        mark = end + 0.5 * corner_path.length
         rows.exits[-1] = speed
-        _add(rows, bent, speed)
-        pieces += bent.pieces
+        _add(rows, corner_path, speed)
+        segments += corner_path.segments
         starts.append(end)
     rows.exits[-1] = speed
-    last = len(rows.tops) - 1
+    last = len(rows.max_speeds) - 1
     end = rows.marks[-1]
-    _add(rows, following.way, following.velocity, trim)
-    tail = following.way
-    pieces += [_shortened(tail.pieces[0], trim, at_end=False), *tail.pieces[1:]]
+    _add(rows, following.path, following.velocity, trim)
+    tail = following.path
+    segments += [_shortened(tail.segments[0], trim, at_end=False), *tail.segments[1:]]
     starts += [end, *(end - trim + start for start in tail.starts[1:])]
-    _reckon(rows, last, settled, stands=stands)
-    whole = _whole(way, bent, tail, rows, pieces, starts)
-    asked = SpeedRequest(tuple(rows.velocities), tuple(rows.exits))
-    return JoinedPath(ActivePath(whole, asked, following.velocity), mark)
+    _recompute_exits(rows, last, settled, stops=stops)
+    whole = _whole(path, corner_path, tail, rows, segments, starts)
+    requested = SpeedRequest(tuple(rows.velocities), tuple(rows.exits))
+    return ExtendedPath(ActivePath(whole, requested, following.velocity), mark)
 
 
-def _trim(bent: Path) -> float:
-    bend = bent.pieces[0]
-    assert isinstance(bend, Corner)
-    return bend.trim
+def _trim(corner_path: Path) -> float:
+    rounding = corner_path.segments[0]
+    assert isinstance(rounding, Corner)
+    return rounding.trim
 
 
-def _rows_ahead(going: ActivePath, travel: PathSpeed) -> _Rows:
-    way, asked = going.way, going.asked
-    first = way.number(travel.t)
-    rows = (way.tops, way.ramps, way.leaves, asked.velocities, asked.exits)
-    return _Rows(list(way.marks[first:]), *(list(row[first:]) for row in rows))
+def _rows_ahead(active: ActivePath, travel: PathSpeed) -> _Rows:
+    path, requested = active.path, active.requested
+    first = path.number(travel.t)
+    rows = (path.max_speeds, path.ramps, path.max_exit_speeds, requested.velocities, requested.exits)
+    return _Rows(list(path.marks[first:]), *(list(row[first:]) for row in rows))
 
 
-def _add(rows: _Rows, way: Path, velocity: float, trim: float = 0.0) -> None:
-    """Append the speed zones of ``way``, whose first zone is shortened by ``trim``."""
+def _add(rows: _Rows, path: Path, velocity: float, trim: float = 0.0) -> None:
+    """Append the speed zones of ``path``, whose first zone is shortened by ``trim``."""
     begin = rows.marks[-1] - trim
-    rows.marks.extend(begin + mark for mark in way.marks[1:])
-    rows.tops.extend(way.tops)
-    rows.ramps.extend(way.ramps)
-    rows.leaves.extend(way.leaves)
-    rows.velocities.extend([velocity] * len(way.tops))
-    rows.exits.extend([velocity] * len(way.tops))
+    rows.marks.extend(begin + mark for mark in path.marks[1:])
+    rows.max_speeds.extend(path.max_speeds)
+    rows.ramps.extend(path.ramps)
+    rows.max_exit_speeds.extend(path.max_exit_speeds)
+    rows.velocities.extend([velocity] * len(path.max_speeds))
+    rows.exits.extend([velocity] * len(path.max_speeds))
 
 
 def _split(rows: _Rows, speed: float, here: float) -> None:
     """Split the last speed zone where acceleration to ``speed`` must begin, so that its end is reached at that speed."""
     ramp, velocity = rows.ramps[-1], rows.velocities[-1]
-    top = min(speed, rows.tops[-1])
+    top = min(speed, rows.max_speeds[-1])
     at = rows.marks[-1] - max(top * top - velocity * velocity, 0.0) / (2.0 * ramp)
     if at > max(here, rows.marks[-2]) and at < rows.marks[-1]:
         rows.marks.insert(-1, at)
         for row in rows[1:]:
             row.append(row[-1])
-        rows.leaves[-2] = rows.tops[-1]
+        rows.max_exit_speeds[-2] = rows.max_speeds[-1]
         rows.exits[-2] = velocity
     rows.velocities[-1] = rows.exits[-1] = speed
 
 
-def _reckon(rows: _Rows, joint: int, settled: int, *, stands: bool) -> None:
-    """Recompute permitted and requested exit speeds, from speed zone ``joint`` backwards.
+def _recompute_exits(rows: _Rows, last_zone: int, settled: int, *, stops: bool) -> None:
+    """Recompute permitted and requested exit speeds, from speed zone ``last_zone`` backwards.
 
     Zones before ``settled`` have exit speeds already. The recomputation ends at the first of them that does not change.
     """
-    if stands:
-        rows.leaves[joint] = rows.exits[joint] = 0.0
+    if stops:
+        rows.max_exit_speeds[last_zone] = rows.exits[last_zone] = 0.0
     else:
-        rows.leaves[joint] = rows.tops[joint]  # the former end of the path, where it was 0
-    for number in range(joint - 1 if stands else joint, -1, -1):
-        before = rows.leaves[number], rows.exits[number]
-        _reckon_one(rows, number)
-        if number < settled and before == (rows.leaves[number], rows.exits[number]):
+        rows.max_exit_speeds[last_zone] = rows.max_speeds[
+            last_zone
+        ]  # the former end of the path, where it was 0
+    for number in range(last_zone - 1 if stops else last_zone, -1, -1):
+        before = rows.max_exit_speeds[number], rows.exits[number]
+        _recompute_exit(rows, number)
+        if number < settled and before == (rows.max_exit_speeds[number], rows.exits[number]):
             return
 
 
-def _reckon_one(rows: _Rows, number: int) -> None:
+def _recompute_exit(rows: _Rows, number: int) -> None:
     behind = number + 1
     gain = 2.0 * rows.ramps[behind] * (rows.marks[behind + 1] - rows.marks[behind])
-    if rows.leaves[number] > 0.0:  # otherwise a stop at its end
-        reach = math.sqrt(rows.leaves[behind] ** 2 + gain)
-        rows.leaves[number] = min(reach, rows.tops[number], rows.tops[behind])
+    if rows.max_exit_speeds[number] > 0.0:  # otherwise a stop at its end
+        reach = math.sqrt(rows.max_exit_speeds[behind] ** 2 + gain)
+        rows.max_exit_speeds[number] = min(reach, rows.max_speeds[number], rows.max_speeds[behind])
     rows.exits[number] = min(rows.exits[number], math.sqrt(rows.exits[behind] ** 2 + gain))
 
 
-def _shortened(piece: Part, by: float, *, at_end: bool) -> Part:
+def _shortened(segment: PathSegment, by: float, *, at_end: bool) -> PathSegment:
     if not by:
-        return piece
-    assert isinstance(piece, Straight)
-    rest = max(piece.length - by, 0.0)
-    share = by / piece.length
+        return segment
+    assert isinstance(segment, Straight)
+    rest = max(segment.length - by, 0.0)
+    share = by / segment.length
     if at_end:
-        return Straight(piece.start, _between(piece.end, piece.start, share), rest)
-    return Straight(_between(piece.start, piece.end, share), piece.end, rest)
+        return Straight(segment.start, _between(segment.end, segment.start, share), rest)
+    return Straight(_between(segment.start, segment.end, share), segment.end, rest)
 
 
-def _between(a: Place, b: Place, share: float) -> Place:
+def _between(a: Coordinates, b: Coordinates, share: float) -> Coordinates:
     return tuple(p + (q - p) * share for p, q in zip(a, b, strict=True))
 
 
 def _whole(
-    way: Path, bent: Path | None, tail: Path, rows: _Rows, pieces: list[Part], starts: list[float]
+    path: Path,
+    corner_path: Path | None,
+    tail: Path,
+    rows: _Rows,
+    segments: list[PathSegment],
+    starts: list[float],
 ) -> Path:
-    parts = [part for part in (way, bent, tail) if part is not None]
+    parts = [part for part in (path, corner_path, tail) if part is not None]
 
-    def most(name: str) -> Place:
+    def highest_of(name: str) -> Coordinates:
         return tuple(map(max, *(getattr(part, name) for part in parts)))
 
     return replace(
-        way,
-        pieces=tuple(pieces),
+        path,
+        segments=tuple(segments),
         starts=tuple(starts),
         marks=tuple(rows.marks),
-        tops=tuple(rows.tops),
+        max_speeds=tuple(rows.max_speeds),
         ramps=tuple(rows.ramps),
-        leaves=tuple(rows.leaves),
+        max_exit_speeds=tuple(rows.max_exit_speeds),
         lowest=tuple(map(min, *(part.lowest for part in parts))),
-        highest=most("highest"),
-        shares=most("shares"),
-        speeds=most("speeds"),
-        accelerations=most("accelerations"),
+        highest=highest_of("highest"),
+        speed_ratios=highest_of("speed_ratios"),
+        speeds=highest_of("speeds"),
+        accelerations=highest_of("accelerations"),
     )

@@ -32,7 +32,7 @@ from typing import NamedTuple
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed
 
-_KEPT = 1.0  # seconds of the past that are stored
+_STORED_SECONDS = 1.0  # seconds of the past that are stored
 
 
 class Leg(NamedTuple):
@@ -51,14 +51,14 @@ class Leg(NamedTuple):
 class LegTransition(NamedTuple):
     """The end of a leg: time (s), speed, requested speed, and ``turns``: the axis reverses there, or the next leg has no length.
 
-    ``held``: seconds for which the speed is held after the transition, for the mean.
+    ``hold_time``: seconds for which the speed is held after the transition, for the mean.
     """
 
     time: float
     speed: float
-    asked: float
+    requested: float
     turns: bool
-    held: float = 0.0
+    hold_time: float = 0.0
 
 
 class _Piece(NamedTuple):
@@ -74,20 +74,20 @@ class _Piece(NamedTuple):
 class BlendedProfile:
     """A profile through the ends of legs to rest at ``end``, after ``duration`` seconds.
 
-    ``joints``: the transitions that were ahead when it was planned. ``mean``: length of the averaging window in seconds.
+    ``transitions``: the transitions that were ahead when it was planned. ``mean``: length of the averaging window in seconds.
     """
 
     pieces: tuple[_Piece, ...]
     end: float
     duration: float
-    joints: tuple[LegTransition, ...]
+    transitions: tuple[LegTransition, ...]
     mean: float = 0.0
 
     @property
     def span(self) -> tuple[float, float]:
         """The lowest and the highest position."""
-        places = [piece.position for piece in self.pieces]
-        return min(*places, self.end), max(*places, self.end)
+        positions = [piece.position for piece in self.pieces]
+        return min(*positions, self.end), max(*positions, self.end)
 
     @property
     def top_speed(self) -> float:
@@ -99,9 +99,9 @@ class BlendedProfile:
         """The highest acceleration in unit/s²."""
         return max(abs(piece.rate) for piece in self.pieces)
 
-    def passed_at(self, joint: LegTransition) -> float:
+    def passed_at(self, transition: LegTransition) -> float:
         """Return the time of the mean at which the axis has passed a transition; at a stop, the mean must have arrived too."""
-        return joint.time if joint.speed else joint.time + 0.5 * self.mean
+        return transition.time if transition.speed else transition.time + 0.5 * self.mean
 
     def position(self, t: float) -> float:
         """Return the position at ``t`` seconds; beyond an end, the position at that end."""
@@ -122,12 +122,12 @@ class BlendedProfile:
         return self.pieces[max(bisect_right(self.pieces, t, key=_begin_of) - 1, 0)]
 
 
-def course_of(start: float, legs: Sequence[Leg], mean: float = 0.0) -> BlendedProfile:
+def profile_from_rest(start: float, legs: Sequence[Leg], mean: float = 0.0) -> BlendedProfile:
     """Return the profile from rest at ``start`` through the ends of ``legs``; ``mean``: averaging window in seconds."""
     return _planned((), 0.0, start, 0.0, legs, mean)
 
 
-def course_along(onward: ProfileFromSpeed, mean: float = 0.0) -> BlendedProfile:
+def profile_of_move(onward: ProfileFromSpeed, mean: float = 0.0) -> BlendedProfile:
     """Return the profile of one active move, which began at the speed that its axis had."""
     pieces, t = [], 0.0
     for seconds, position, speed, rate in onward.pieces:
@@ -136,18 +136,29 @@ def course_along(onward: ProfileFromSpeed, mean: float = 0.0) -> BlendedProfile:
     return BlendedProfile(tuple(pieces), onward.end, t, (LegTransition(t, 0.0, 0.0, turns=False),), mean)
 
 
-def extended(course: BlendedProfile, t: float, legs: Sequence[Leg]) -> BlendedProfile:
-    """Return ``course`` up to ``t`` seconds, continued through the ends of ``legs``: the legs still ahead, and new ones.
+def extended_profile(profile: BlendedProfile, t: float, legs: Sequence[Leg]) -> BlendedProfile:
+    """Return ``profile`` up to ``t`` seconds, continued through the ends of ``legs``: the legs still ahead, and new ones.
 
     The first leg must be the active one, with the ramps that it was planned with. If the profile holds a velocity after a
     transition for the mean, it keeps holding it.
     """
-    t = max([t, *(joint.time + joint.held for joint in course.joints if joint.time <= t)])
-    head = tuple(piece for piece in course.pieces if piece.begin < t)
-    kept = tuple(
-        piece for number, piece in enumerate(head, 1) if number == len(head) or head[number].begin > t - _KEPT
+    t = max(
+        [
+            t,
+            *(
+                transition.time + transition.hold_time
+                for transition in profile.transitions
+                if transition.time <= t
+            ),
+        ]
     )
-    return _planned(kept, t, course.position(t), course.speed(t), legs, course.mean)
+    head = tuple(piece for piece in profile.pieces if piece.begin < t)
+    kept = tuple(
+        piece
+        for number, piece in enumerate(head, 1)
+        if number == len(head) or head[number].begin > t - _STORED_SECONDS
+    )
+    return _planned(kept, t, profile.position(t), profile.speed(t), legs, profile.mean)
 
 
 def _begin_of(piece: _Piece) -> float:
@@ -157,102 +168,106 @@ def _begin_of(piece: _Piece) -> float:
 def _planned(
     head: tuple[_Piece, ...], t: float, position: float, speed: float, legs: Sequence[Leg], mean: float
 ) -> BlendedProfile:
-    pieces, ways = list(head), _ways(position, legs)
-    joints: list[LegTransition] = []
-    wishes = _wishes(ways, legs)
-    exits = _exits(abs(speed), ways, legs, wishes)
-    entry, held = abs(speed), 0.0
-    for leg, way, asked, speed_there in zip(legs, ways, wishes, exits, strict=True):
-        sign = math.copysign(1.0, way)
-        stretches = _stretches(abs(way), entry, speed_there, leg, held, 0.5 * mean)
-        if joints and entry and mean:
-            joints[-1] = joints[-1]._replace(held=stretches[0][0])
-        for seconds, first, rate in stretches:
+    pieces, distances = list(head), _distances(position, legs)
+    transitions: list[LegTransition] = []
+    requests = _requested_exits(distances, legs)
+    exits = _exits(abs(speed), distances, legs, requests)
+    entry, hold_time = abs(speed), 0.0
+    for leg, distance, requested, speed_there in zip(legs, distances, requests, exits, strict=True):
+        sign = math.copysign(1.0, distance)
+        phases = _phases(abs(distance), entry, speed_there, leg, hold_time, 0.5 * mean)
+        if transitions and entry and mean:
+            transitions[-1] = transitions[-1]._replace(hold_time=phases[0][0])
+        for seconds, first, rate in phases:
             if seconds > 0.0:
                 pieces.append(_Piece(t, position, sign * first, sign * rate))
                 position += sign * (first * seconds + 0.5 * rate * seconds * seconds)
                 t += seconds
-        joints.append(LegTransition(t, speed_there, *asked))
-        position, entry, held = leg.end, speed_there, 0.5 * mean
-        if not speed_there and mean and len(joints) < len(legs):
-            joints[-1] = joints[-1]._replace(held=mean)
+        transitions.append(LegTransition(t, speed_there, *requested))
+        position, entry, hold_time = leg.end, speed_there, 0.5 * mean
+        if not speed_there and mean and len(transitions) < len(legs):
+            transitions[-1] = transitions[-1]._replace(hold_time=mean)
             pieces.append(_Piece(t, position, 0.0, 0.0))
             t += mean
     if len(pieces) == len(head):
         pieces.append(_Piece(t, position, 0.0, 0.0))
-    return BlendedProfile(tuple(pieces), legs[-1].end, t, tuple(joints), mean)
+    return BlendedProfile(tuple(pieces), legs[-1].end, t, tuple(transitions), mean)
 
 
-def _ways(position: float, legs: Sequence[Leg]) -> list[float]:
+def _distances(position: float, legs: Sequence[Leg]) -> list[float]:
     """Return the signed distance of each leg."""
     starts = [position, *(leg.end for leg in legs[:-1])]
     return [leg.end - start for start, leg in zip(starts, legs, strict=True)]
 
 
-def _wishes(ways: Sequence[float], legs: Sequence[Leg]) -> list[tuple[float, bool]]:
+def _requested_exits(distances: Sequence[float], legs: Sequence[Leg]) -> list[tuple[float, bool]]:
     """Return for the end of each leg the requested speed, and whether the axis reverses there or does not move on."""
     found = []
-    for (leg, after), (way, beyond) in zip(pairwise(legs), pairwise(ways), strict=True):
-        turns = after.mode.blends and not way * beyond > 0.0
+    for (leg, after), (distance, beyond) in zip(pairwise(legs), pairwise(distances), strict=True):
+        turns = after.mode.blends and not distance * beyond > 0.0
         found.append((after.mode.velocity(leg.velocity, after.velocity), turns))
     return [*found, (0.0, False)]
 
 
 def _exits(
-    speed: float, ways: Sequence[float], legs: Sequence[Leg], wishes: Sequence[tuple[float, bool]]
+    speed: float, distances: Sequence[float], legs: Sequence[Leg], requests: Sequence[tuple[float, bool]]
 ) -> list[float]:
     """Return the exit speed of each leg: no higher than the axis can reach before it, or brake from after it."""
-    exits = [0.0 if turns else asked for asked, turns in wishes]
+    exits = [0.0 if turns else requested for requested, turns in requests]
     for number in range(len(legs) - 2, -1, -1):
         after = number + 1
         exits[number] = min(
-            exits[number], math.sqrt(exits[after] ** 2 + 2.0 * legs[after].down * abs(ways[after]))
+            exits[number], math.sqrt(exits[after] ** 2 + 2.0 * legs[after].down * abs(distances[after]))
         )
-    for number, (leg, way) in enumerate(zip(legs, ways, strict=True)):
-        exits[number] = min(exits[number], math.sqrt(speed * speed + 2.0 * leg.up * abs(way)))
+    for number, (leg, distance) in enumerate(zip(legs, distances, strict=True)):
+        exits[number] = min(exits[number], math.sqrt(speed * speed + 2.0 * leg.up * abs(distance)))
         speed = exits[number]
     return exits
 
 
-def _stretches(
-    length: float, entry: float, leave: float, leg: Leg, held: float, holds: float
+def _phases(
+    length: float, entry: float, exit_speed: float, leg: Leg, hold_time: float, hold_after: float
 ) -> list[tuple[float, float, float]]:
     """Return the phases of a leg of ``length``: duration in s, initial speed and acceleration; all speeds are magnitudes.
 
-    ``held``: seconds for which the entry speed is held; ``holds``: seconds for which the exit speed is held. Both as far as there
-    is room.
+    ``hold_time``: seconds for which the entry speed is held; ``hold_after``: seconds for which the exit speed is held. Both as far
+    as there is room.
     """
-    if not holds:
-        return _between(length, entry, leave, leg)
-    needed = abs(leave * leave - entry * entry) / (2.0 * (leg.up if leave > entry else leg.down))
-    kept = entry * held + leave * holds
+    if not hold_after:
+        return _between(length, entry, exit_speed, leg)
+    needed = abs(exit_speed * exit_speed - entry * entry) / (
+        2.0 * (leg.up if exit_speed > entry else leg.down)
+    )
+    kept = entry * hold_time + exit_speed * hold_after
     share = min(1.0, max(length - needed, 0.0) / kept) if kept else 0.0
-    between = _between(max(length - share * kept, 0.0), entry, leave, leg)
+    between = _between(max(length - share * kept, 0.0), entry, exit_speed, leg)
     return [
-        (share * held if entry else 0.0, entry, 0.0),
+        (share * hold_time if entry else 0.0, entry, 0.0),
         *between,
-        (share * holds if leave else 0.0, leave, 0.0),
+        (share * hold_after if exit_speed else 0.0, exit_speed, 0.0),
     ]
 
 
-def _between(length: float, entry: float, leave: float, leg: Leg) -> list[tuple[float, float, float]]:
+def _between(length: float, entry: float, exit_speed: float, leg: Leg) -> list[tuple[float, float, float]]:
     """Return the phases between the two holds."""
-    kept = _kept(length, entry, leave, leg)
+    kept = _middle_speed(length, entry, exit_speed, leg)
     first = leg.up if kept > entry else -leg.down
-    last = leg.up if leave > kept else -leg.down
-    begun, ended = (kept - entry) / first, (leave - kept) / last
-    left = length - 0.5 * (entry + kept) * begun - 0.5 * (kept + leave) * ended
+    last = leg.up if exit_speed > kept else -leg.down
+    begun, ended = (kept - entry) / first, (exit_speed - kept) / last
+    left = length - 0.5 * (entry + kept) * begun - 0.5 * (kept + exit_speed) * ended
     even = max(left, 0.0) / kept if kept else 0.0
     return [(begun, entry, first), (even, kept, 0.0), (ended, kept, last)]
 
 
-def _kept(length: float, entry: float, leave: float, leg: Leg) -> float:
+def _middle_speed(length: float, entry: float, exit_speed: float, leg: Leg) -> float:
     """Return the constant speed in the middle of a leg: the leg's velocity, a lower peak, or a higher valley."""
     up, down, own = leg.up, leg.down, leg.velocity
-    if entry <= own and leave <= own:
-        peak = (2.0 * up * down * length + down * entry * entry + up * leave * leave) / (up + down)
-        return max(min(own, math.sqrt(peak)), entry, leave)
-    if entry > own and leave > own:
-        valley = (up * entry * entry + down * leave * leave - 2.0 * up * down * length) / (up + down)
-        return min(max(own, math.sqrt(max(valley, 0.0))), entry, leave)
+    if entry <= own and exit_speed <= own:
+        peak = (2.0 * up * down * length + down * entry * entry + up * exit_speed * exit_speed) / (up + down)
+        return max(min(own, math.sqrt(peak)), entry, exit_speed)
+    if entry > own and exit_speed > own:
+        valley = (up * entry * entry + down * exit_speed * exit_speed - 2.0 * up * down * length) / (
+            up + down
+        )
+        return min(max(own, math.sqrt(max(valley, 0.0))), entry, exit_speed)
     return own

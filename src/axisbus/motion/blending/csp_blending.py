@@ -21,17 +21,17 @@ from axisbus.motion.blending.blended_profile import (
     BlendedProfile,
     Leg,
     LegTransition,
-    course_along,
-    course_of,
-    extended,
+    extended_profile,
+    profile_from_rest,
+    profile_of_move,
 )
-from axisbus.motion.blending.mode import passed_slower, turned_back
+from axisbus.motion.blending.mode import passed_slower, reverses_before
 from axisbus.motion.command_status import CommandEnds, CommandStatus
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.csp_move import CspMove, MoveProgress
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.override import spared
+from axisbus.motion.override import deadline_extension
 from axisbus.motion.parameters import AxisParameters
 
 _TO_REST = 1e-9  # seconds before its end at which a profile can no longer be extended
@@ -52,18 +52,18 @@ class BlendedMoves(Follow):
     foresees = False
 
     def __init__(self, part: BlendedCommand, parameters: AxisParameters, gate: StartBarrier) -> None:
-        """``part``: the first command, which begins from rest (or see ``take_up``)."""
+        """``part``: the first command, which begins from rest (or see ``adopt_move``)."""
         super().__init__(None, parameters, gate)
         self._parts = deque([part])
-        self._course: BlendedProfile | None = None
-        self._milestones = CommandEnds()
+        self._profile: BlendedProfile | None = None
+        self._ends = CommandEnds()
         self._deadline: float | None = None
 
-    def take_up(self, going: MoveProgress, before: CspMove) -> None:
+    def adopt_move(self, progress: MoveProgress, before: CspMove) -> None:
         """Take over an active move as the first command: from the last target of ``before``, on the time scale of that move."""
-        self._lead_along(course_along(going.way))
+        self._use_profile(profile_of_move(progress.way))
         self.resume(before)
-        self.clock = self._time = going.clock
+        self.clock = self._time = progress.clock
         self.shifted = before.shifted
         self._deadline = before.deadline
 
@@ -87,18 +87,18 @@ class BlendedMoves(Follow):
         """Why no command can be added now; "" if one can."""
         if self._addition is not None:
             return "a distance is being superimposed on the present motion"
-        if self._course is not None and self._along >= self._course.duration - _TO_REST:
+        if self._profile is not None and self._profile_time >= self._profile.duration - _TO_REST:
             return "it came after the end of the previous command"
         return ""
 
     def join(self, part: BlendedCommand) -> None:
         """Append another command; allowed only if ``why_not`` is empty."""
-        self._milestones.add(self._parts[-1].ticket, part.ticket)
-        self._parts.append(self._within(part))
-        if self._course is not None:
-            self._lead_along(self._extended(self._course))
+        self._ends.add(self._parts[-1].ticket, part.ticket)
+        self._parts.append(self._within_override(part))
+        if self._profile is not None:
+            self._use_profile(self._extended_through(self._profile))
 
-    def _within(self, part: BlendedCommand) -> BlendedCommand:
+    def _within_override(self, part: BlendedCommand) -> BlendedCommand:
         """Return the command with reduced limits, so that the axis stays within its limits while an override speeds time up.
 
         Time cannot always be slowed down before the command begins: the axis may need its full deceleration for the active move.
@@ -118,25 +118,25 @@ class BlendedMoves(Follow):
         self._check_deadline(
             image
         )  # before advancing: if it raises, the axis brakes in this cycle from its position
-        self._go_ahead(image)
-        if self._course is None and self._prepared:
+        self._advance_profile(image)
+        if self._profile is None and self._prepared:
             units = self._parameters.units.position
             start = units.to_units(self.reference(image) - image.origin)
-            self._lead_along(course_of(start, self._legs(), self._mean))
+            self._use_profile(profile_from_rest(start, self._legs(), self._mean))
         if super().step(image, order):
             return True
-        if self._course is not None:
-            self._pass_ends(self._course)
+        if self._profile is not None:
+            self._pass_ends(self._profile)
         return False
 
-    def _go_ahead(self, image: AxisImage) -> None:
+    def _advance_profile(self, image: AxisImage) -> None:
         """Advance the unsmoothed profile by one cycle if the axis follows a mean; nothing to do here."""
 
     def _legs(self) -> list[Leg]:
         return [part.leg for part in self._parts]
 
     @property
-    def _along(self) -> float:
+    def _profile_time(self) -> float:
         """The present time on the profile, in its seconds."""
         return self.clock.t
 
@@ -145,40 +145,40 @@ class BlendedMoves(Follow):
         """Length of the averaging window, in seconds of the profile."""
         return 0.0
 
-    def _extended(self, course: BlendedProfile) -> BlendedProfile:
+    def _extended_through(self, profile: BlendedProfile) -> BlendedProfile:
         """Return the profile extended through all ends, including transitions that the profile has passed but the axis has not."""
-        t, before = self._along, course.joints[len(course.joints) - len(self._parts) + 1 :]
-        passed = [joint for joint in before if joint.time <= t]
-        longer = extended(course, t, self._legs()[len(passed) :])
-        return replace(longer, joints=(*passed, *longer.joints))
+        t, before = self._profile_time, profile.transitions[len(profile.transitions) - len(self._parts) + 1 :]
+        passed = [transition for transition in before if transition.time <= t]
+        longer = extended_profile(profile, t, self._legs()[len(passed) :])
+        return replace(longer, transitions=(*passed, *longer.transitions))
 
-    def _lead_along(self, course: BlendedProfile) -> None:
-        self._course = course
-        self._be_led(course)
-        for part, joint in zip(self._parts, course.joints, strict=True):
-            self._milestones.mark(part.ticket, course.passed_at(joint))
+    def _use_profile(self, profile: BlendedProfile) -> None:
+        self._profile = profile
+        self._command_profile(profile)
+        for part, transition in zip(self._parts, profile.transitions, strict=True):
+            self._ends.mark(part.ticket, profile.passed_at(transition))
 
-    def _be_led(self, course: BlendedProfile) -> None:
-        self.lead_on(course)
+    def _command_profile(self, profile: BlendedProfile) -> None:
+        self.lead_on(profile)
 
-    def _pass_ends(self, course: BlendedProfile) -> None:
+    def _pass_ends(self, profile: BlendedProfile) -> None:
         """End the commands whose ends the axis has passed; the profile keeps the transitions that were ahead at planning."""
         t = self.clock.t
-        for joint in course.joints[len(course.joints) - len(self._parts) : -1]:
-            if t < course.passed_at(joint):
+        for transition in profile.transitions[len(profile.transitions) - len(self._parts) : -1]:
+            if t < profile.passed_at(transition):
                 break
             self._parts.popleft()
             self._deadline = None
-            self._tell(joint, self._parts[0].ticket)
-        self._milestones.pass_to(t)
+            self._note_difference(transition, self._parts[0].ticket)
+        self._ends.end_passed(t)
 
-    def _tell(self, joint: LegTransition, ticket: CommandStatus) -> None:
+    def _note_difference(self, transition: LegTransition, ticket: CommandStatus) -> None:
         """Note on the ticket if a command has not taken over as requested."""
         unit = self._units.unit
-        if joint.turns:
-            ticket.note = turned_back()
-        elif joint.speed < joint.asked * 0.999:
-            ticket.note = passed_slower(joint.speed, joint.asked, unit)
+        if transition.turns:
+            ticket.note = reverses_before()
+        elif transition.speed < transition.requested * 0.999:
+            ticket.note = passed_slower(transition.speed, transition.requested, unit)
 
     def _check_deadline(self, image: AxisImage) -> None:
         part = self._parts[0]
@@ -186,6 +186,6 @@ class BlendedMoves(Follow):
             return
         if self._deadline is None:
             self._deadline = image.now + part.timeout
-        self._deadline += spared(image.override, self._period)
+        self._deadline += deadline_extension(image.override, self._period)
         if image.now > self._deadline:
             raise timed_out(part.target, part.timeout, image, self._parameters)

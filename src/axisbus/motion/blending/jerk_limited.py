@@ -17,7 +17,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.blending.blended_profile import BlendedProfile, course_along
+from axisbus.motion.blending.blended_profile import BlendedProfile, profile_of_move
 from axisbus.motion.blending.csp_blending import BlendedCommand, BlendedMoves
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
@@ -27,23 +27,23 @@ from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.pathclock import PathClock
 
 # ``PathClock`` changes the rate of time as computed for a path of constant velocity; while the velocity varies, an eighth is lost.
-_STRAIGHT = 0.85
+_RATE_MARGIN = 0.85
 
 
 class SmoothedProfile:
     """Advances along a profile and stores its last times and positions. Is the clock of its axis: ``t`` is the time of the mean."""
 
-    __slots__ = ("_places", "_times", "braking", "course", "led", "ramp", "t", "time")
+    __slots__ = ("_places", "_times", "braking", "led", "profile", "ramp", "t", "time")
 
     def __init__(
-        self, course: BlendedProfile, places: deque[float], led: ReferenceState, ramp: float, period: float
+        self, profile: BlendedProfile, places: deque[float], led: ReferenceState, ramp: float, period: float
     ) -> None:
-        """``places``: the positions of the last cycles, one per cycle of the mean; the last one is the start of ``course``.
+        """``places``: the positions of the last cycles, one per cycle of the mean; the last one is the start of ``profile``.
 
         ``led``: the commanded state of the axis; ``ramp``: permitted change of the profile's speed, in unit/s².
         """
         window = len(places)
-        self.course = course
+        self.profile = profile
         self.led = led
         self.ramp = ramp
         self.time = PathClock()
@@ -60,52 +60,52 @@ class SmoothedProfile:
     @property
     def stopped(self) -> bool:
         """Whether it is at standstill because it was braked."""
-        return self.braking and self.time.stopped and self._rests
+        return self.braking and self.time.stopped and self._is_at_rest
 
-    def told(self, t: float) -> str:
+    def as_text(self, t: float) -> str:
         """Return a time as text for messages."""
-        return self.time.told(t)
+        return self.time.as_text(t)
 
     def aim(self, factor: float) -> None:
         """Let the rate of time approach ``factor``, limited to 1."""
-        self.time.aim(min(factor, 1.0), self._way, self.ramp)
+        self.time.aim(min(factor, 1.0), self._position_at, self.ramp)
 
     def brake(self) -> None:
         """Brake to rest on the profile; a second call has no effect."""
         self.braking = True
-        self.time.brake(self._way, self.ramp)
+        self.time.brake(self._position_at, self.ramp)
 
     def advance(self, period: float) -> None:
         """Advance by one cycle of ``period`` seconds."""
         self.time.advance(period)
-        t, times, before = min(self.time.t, self.course.duration), self._times, self.led
+        t, times, before = min(self.time.t, self.profile.duration), self._times, self.led
         times.append(t)
-        self._places.append(self.course.position(t))
+        self._places.append(self.profile.position(t))
         self.t = t if times[0] == t else sum(times) / len(times)
-        place = self._places[-1] if self._rests else sum(self._places) / len(self._places)
+        place = self._places[-1] if self._is_at_rest else sum(self._places) / len(self._places)
         velocity = (place - before.place) / period
         self.led = ReferenceState(place, velocity, (velocity - before.velocity) / period)
 
     def walk(self, target: float, gait: JerkLimits, by: float) -> OnlineProfile:
         """Return a profile that continues from here to ``target``, with all positions shifted by ``by``."""
         places = deque((place + by for place in self._places), maxlen=self.window)
-        speed = self.course.speed(self.time.t) * self.time.rate
+        speed = self.profile.speed(self.time.t) * self.time.rate
         return OnlineProfile(target, gait, places, speed, self.led._replace(place=self.led.place + by))
 
     @property
-    def _rests(self) -> bool:
+    def _is_at_rest(self) -> bool:
         """Whether the profile has not moved during the whole averaging window."""
         return self._times[0] == self._times[-1]
 
-    def _way(self, t: float) -> float:
-        return self.course.position(t)
+    def _position_at(self, t: float) -> float:
+        return self.profile.position(t)
 
 
 @dataclass(frozen=True, slots=True)
-class _Softened:
+class _SmoothedTrajectory:
     """The smoothed profile as a trajectory; only its present position is queried."""
 
-    ahead: SmoothedProfile
+    smoothed: SmoothedProfile
     span: tuple[float, float]
     top_speed: float
     top_acceleration: float
@@ -113,7 +113,7 @@ class _Softened:
 
     def position(self, _t: float) -> float:
         """Return the commanded position of this cycle."""
-        return self.ahead.led.place
+        return self.smoothed.led.place
 
 
 class JerkLimitedBlendedMoves(BlendedMoves):
@@ -122,10 +122,10 @@ class JerkLimitedBlendedMoves(BlendedMoves):
     def __init__(
         self, part: BlendedCommand, parameters: AxisParameters, gate: StartBarrier, window: int
     ) -> None:
-        """``part``: the first command, begun from rest (or see ``take_up_softly``); ``window``: number of cycles in the mean."""
+        """``part``: first command, from rest (or see ``adopt_jerk_limited_move``); ``window``: number of cycles in the mean."""
         super().__init__(part, parameters, gate)
         self._window = window
-        self.ahead: SmoothedProfile | None = None
+        self.smoothed: SmoothedProfile | None = None
 
     @property
     def window(self) -> int:
@@ -135,33 +135,33 @@ class JerkLimitedBlendedMoves(BlendedMoves):
     @property
     def acceleration(self) -> float:
         """The commanded acceleration (unit/s²)."""
-        ahead = self.ahead
-        is_led = ahead is not None and self.clock is ahead and self._addition is None
-        return ahead.led.acceleration if ahead is not None and is_led else super().acceleration
+        smoothed = self.smoothed
+        is_commanded = smoothed is not None and self.clock is smoothed and self._addition is None
+        return smoothed.led.acceleration if smoothed is not None and is_commanded else super().acceleration
 
     def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
         """Return a profile that continues from here to ``target``; None if the smoothed profile does not command the axis."""
-        ahead = self.ahead
-        if ahead is None or self.clock is not ahead or self._addition is not None:
+        smoothed = self.smoothed
+        if smoothed is None or self.clock is not smoothed or self._addition is not None:
             return None
-        return ahead.walk(target, gait, self.shifted)
+        return smoothed.walk(target, gait, self.shifted)
 
-    def take_up_softly(self, way: ProfileFromSpeed, before: JerkLimitedMove) -> None:
-        """Take over an active move as the first command: ``way`` is the unsmoothed profile of ``before``."""
+    def adopt_jerk_limited_move(self, move_profile: ProfileFromSpeed, before: JerkLimitedMove) -> None:
+        """Take over an active move as the first command: ``move_profile`` is the unsmoothed profile of ``before``."""
         walk = before.walk
         assert walk is not None
-        course = course_along(way, self._mean)
-        self._guide(course, walk.places, walk.led)
-        self._lead_along(course)
+        profile = profile_of_move(move_profile, self._mean)
+        self._begin_smoothing(profile, walk.places, walk.led)
+        self._use_profile(profile)
         self.resume(before)
         self.shifted, self._deadline = before.shifted, before.deadline
 
-    def _go_ahead(self, image: AxisImage) -> None:
-        ahead = self.ahead
-        if ahead is not None and self._running and self.clock is ahead:
-            if not ahead.braking:
-                ahead.aim(image.override)
-            ahead.advance(self._period)
+    def _advance_profile(self, image: AxisImage) -> None:
+        smoothed = self.smoothed
+        if smoothed is not None and self._running and self.clock is smoothed:
+            if not smoothed.braking:
+                smoothed.aim(image.override)
+            smoothed.advance(self._period)
 
     def begin_braking(self) -> bool:
         """Begin to brake at the axis's own deceleration, as without a jerk limit; if none is known, along the profile."""
@@ -173,32 +173,36 @@ class JerkLimitedBlendedMoves(BlendedMoves):
         return self._window * self._period
 
     @property
-    def _along(self) -> float:
-        return 0.0 if self.ahead is None else self.ahead.time.t
+    def _profile_time(self) -> float:
+        return 0.0 if self.smoothed is None else self.smoothed.time.t
 
-    def _be_led(self, course: BlendedProfile) -> None:
-        ahead = self.ahead
-        if ahead is not None:
-            ahead.course, ahead.ramp = course, self._least_ramp
-            self.lead_on(self._softened(ahead))
+    def _command_profile(self, profile: BlendedProfile) -> None:
+        smoothed = self.smoothed
+        if smoothed is not None:
+            smoothed.profile, smoothed.ramp = profile, self._least_ramp
+            self.lead_on(self._trajectory_of(smoothed))
             return
-        here = course.position(0.0)
-        self._guide(course, deque([here] * self._window, maxlen=self._window), ReferenceState(here))
+        here = profile.position(0.0)
+        self._begin_smoothing(
+            profile, deque([here] * self._window, maxlen=self._window), ReferenceState(here)
+        )
 
-    def _guide(self, course: BlendedProfile, places: deque[float], led: ReferenceState) -> None:
-        self.ahead = ahead = SmoothedProfile(course, places, led, self._least_ramp, self._period)
-        self.guide_by(ahead, self._softened(ahead))
+    def _begin_smoothing(self, profile: BlendedProfile, places: deque[float], led: ReferenceState) -> None:
+        self.smoothed = smoothed = SmoothedProfile(profile, places, led, self._least_ramp, self._period)
+        self.guide_by(smoothed, self._trajectory_of(smoothed))
 
-    def _softened(self, ahead: SmoothedProfile) -> _Softened:
-        course = ahead.course
-        low, high = course.span
-        span = min(low, ahead.led.place), max(high, ahead.led.place)
-        return _Softened(ahead, span, course.top_speed, course.top_acceleration, course.duration)
+    def _trajectory_of(self, smoothed: SmoothedProfile) -> _SmoothedTrajectory:
+        profile = smoothed.profile
+        low, high = profile.span
+        span = min(low, smoothed.led.place), max(high, smoothed.led.place)
+        return _SmoothedTrajectory(
+            smoothed, span, profile.top_speed, profile.top_acceleration, profile.duration
+        )
 
     @property
     def _least_ramp(self) -> float:
-        return _STRAIGHT * min(min(leg.up, leg.down) for leg in self._legs())
+        return _RATE_MARGIN * min(min(leg.up, leg.down) for leg in self._legs())
 
-    def _pass_ends(self, course: BlendedProfile) -> None:
-        if self.clock is self.ahead:  # otherwise the axis brakes and follows no profile
-            super()._pass_ends(course)
+    def _pass_ends(self, profile: BlendedProfile) -> None:
+        if self.clock is self.smoothed:  # otherwise the axis brakes and follows no profile
+            super()._pass_ends(profile)

@@ -38,20 +38,20 @@ def began_from_rest(why: str) -> str:
     return f"buffered instead of blended, so the axis stopped before it: {why}"
 
 
-def softer() -> str:
+def needs_longer_mean() -> str:
     """Return why a command is not blended if its limit of jerk needs a longer mean than the active moves have."""
     return "its jerk limit needs a longer averaging time than the previous moves, which the master streams"
 
 
-def turned_back() -> str:
+def reverses_before() -> str:
     """Return the note of a command that reverses at the end of the previous one."""
     return "the axis stopped before it: the motion reverses there, or the move has no length"
 
 
-def passed_slower(speed: float, asked: float, unit: str) -> str:
+def passed_slower(speed: float, requested: float, unit: str) -> str:
     """Return the note of a command that took over at a lower velocity than its mode requests."""
     return (
-        f"it began with {speed:.4g} {unit}/s instead of {asked:.4g}: it came late, or the moves are too short for their "
+        f"it began with {speed:.4g} {unit}/s instead of {requested:.4g}: it came late, or the moves are too short for their "
         "accelerations"
     )
 
@@ -66,6 +66,6 @@ def narrower_corner() -> str:
     return "its corner is narrower than blend allows: it came after the corner should have begun"
 
 
-def stopped_at_joint(why: str) -> str:
+def stopped_at_transition(why: str) -> str:
     """Return the note of a group command before which the axes stop; ``why``: the reason."""
     return f"the axes stop before it: {why}"

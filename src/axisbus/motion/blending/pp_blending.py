@@ -28,9 +28,9 @@ from axisbus.motion.moves.activity import present_speed
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.parameters import AxisParameters
 
-_LEAD = 0.25  # seconds: a longer response was delayed by a hold and is not representative
-_LATE = 5.0  # additional scan periods during which the axis continues unchanged
-_SLOWER = 0.85  # of the requested velocity: the measured one is noisy
+_MAX_RESPONSE_TIME = 0.25  # seconds: a longer response was delayed by a hold and is not representative
+_REACTION_CYCLES = 5.0  # additional scan periods during which the axis continues unchanged
+_SPEED_SHARE = 0.85  # of the requested velocity: the measured one is noisy
 
 
 class BlendedTarget(NamedTuple):
@@ -46,24 +46,24 @@ class PpBlending:
     """Holds the moves whose ends are ahead, and whether the velocity of the second has been written to the drive."""
 
     __slots__ = (
-        "_asked_at",
-        "_is_asked",
-        "_lead",
-        "_milestones",
+        "_ends",
+        "_is_requested",
         "_number",
         "_parameters",
         "_parts",
+        "_requested_at",
+        "_response_time",
     )
 
     def __init__(self, first: BlendedTarget, parameters: AxisParameters) -> None:
         """``first``: the active move."""
         self._parts = deque([first])
         self._parameters = parameters
-        self._milestones = CommandEnds()
+        self._ends = CommandEnds()
         self._number = 0
-        self._is_asked = False
-        self._asked_at: float | None = None
-        self._lead = 0.0
+        self._is_requested = False
+        self._requested_at: float | None = None
+        self._response_time = 0.0
 
     @property
     def commands(self) -> int:
@@ -73,16 +73,16 @@ class PpBlending:
     def add(self, part: BlendedTarget, now: float) -> None:
         """Append another move, whose target is written to the drive at once."""
         before = self._parts[-1].ticket
-        self._milestones.add(before, part.ticket)
-        self._milestones.mark(before, self._number)
+        self._ends.add(before, part.ticket)
+        self._ends.mark(before, self._number)
         self._number += 1
         self._parts.append(part)
-        self._asked_at = now
+        self._requested_at = now
 
     def taken(self, now: float) -> None:
         """Note that the drive has accepted the last set-point, to measure the response time."""
-        if self._asked_at is not None:
-            self._lead, self._asked_at = min(now - self._asked_at, _LEAD), None
+        if self._requested_at is not None:
+            self._response_time, self._requested_at = min(now - self._requested_at, _MAX_RESPONSE_TIME), None
 
     def look(self, image: AxisImage) -> MoveProfile | None:
         """Return the profile to write to the drive now; None if the drive keeps its profile."""
@@ -90,17 +90,19 @@ class PpBlending:
             return None
         before, after = self._parts[0], self._parts[1]
         ahead = math.copysign(1.0, after.target - before.target) * (before.target - image.position)
-        asked = None
-        if not self._is_asked and ahead <= self._distance(before, after, image.override):
-            self._is_asked = True
+        requested = None
+        if not self._is_requested and ahead <= self._distance(before, after, image.override):
+            self._is_requested = True
             if not _is_same(before.profile, after.profile):
-                asked, self._asked_at = self._braking(before.profile, after.profile, image), image.now
-                if asked is not after.profile:
+                requested, self._requested_at = self._braking(before.profile, after.profile, image), image.now
+                if requested is not after.profile:
                     after.ticket.note = brakes_harder()
-                    self._parts[1] = after._replace(profile=asked)  # the drive has it when the next end comes
+                    self._parts[1] = after._replace(
+                        profile=requested
+                    )  # the drive has it when the next end comes
         if ahead <= 0:
             self._pass(before, after, image)
-        return asked
+        return requested
 
     def _distance(self, before: BlendedTarget, after: BlendedTarget, factor: float) -> float:
         """Return the distance before the end of a move at which the next velocity must be written."""
@@ -112,7 +114,7 @@ class PpBlending:
         old, new = old * factor, new * factor
         if after.mode.velocity(old, new) == old:
             return 0.0
-        return abs(new * new - old * old) / (2.0 * (up if new > old else down)) + old * self._lead
+        return abs(new * new - old * old) / (2.0 * (up if new > old else down)) + old * self._response_time
 
     def _braking(self, before: MoveProfile, after: MoveProfile, image: AxisImage) -> MoveProfile:
         """Return the second profile, with the first one's deceleration if its own is too low to stop at the last end.
@@ -125,10 +127,10 @@ class PpBlending:
         assert before.down
         assert after.down
         speed = max(speed, present_speed(image, self._parameters))
-        left = abs(self._parts[-1].target - position) - speed * (
-            self._lead + _LATE * self._parameters.scan_period
+        remaining = abs(self._parts[-1].target - position) - speed * (
+            self._response_time + _REACTION_CYCLES * self._parameters.scan_period
         )
-        if after.down >= before.down or braking_distance(speed, after.down) <= left:
+        if after.down >= before.down or braking_distance(speed, after.down) <= remaining:
             return after
         if not self._parameters.has(PROFILE_DECELERATION):
             after = after._replace(acceleration=before.acceleration, up=before.up)
@@ -137,21 +139,21 @@ class PpBlending:
 
     def _pass(self, before: BlendedTarget, after: BlendedTarget, image: AxisImage) -> None:
         self._parts.popleft()
-        self._is_asked = False
-        self._tell(before, after, image)
-        self._milestones.pass_to(self._number - len(self._parts))
+        self._is_requested = False
+        self._note_lower_speed(before, after, image)
+        self._ends.end_passed(self._number - len(self._parts))
 
-    def _tell(self, before: BlendedTarget, after: BlendedTarget, image: AxisImage) -> None:
+    def _note_lower_speed(self, before: BlendedTarget, after: BlendedTarget, image: AxisImage) -> None:
         """Note on the second move if it has taken over at a lower velocity than requested."""
         speed, factor = present_speed(image, self._parameters), image.override
         assert before.profile.speed
         assert after.profile.speed
-        asked = after.mode.velocity(before.profile.speed, after.profile.speed) * factor
-        if 0.0 < speed < _SLOWER * asked:
+        requested = after.mode.velocity(before.profile.speed, after.profile.speed) * factor
+        if 0.0 < speed < _SPEED_SHARE * requested:
             units = self._parameters.units.position
             unit = abs(units.factor)
-            told = passed_slower(speed / unit, asked / unit, units.unit)
-            after.ticket.note = "; ".join(filter(None, (told, after.ticket.note)))
+            note = passed_slower(speed / unit, requested / unit, units.unit)
+            after.ticket.note = "; ".join(filter(None, (note, after.ticket.note)))
 
 
 def _is_same(one: MoveProfile, other: MoveProfile) -> bool:

@@ -14,7 +14,7 @@ from axisbus.motion.spline import SplineSegment
 class SlaveReference(NamedTuple):
     """The slave's set-point, its derivative by the master's position (``slope``, unit per unit), and the slope's derivative."""
 
-    place: float
+    position: float
     slope: float
     bend: float
 
@@ -29,11 +29,11 @@ class Gear:
         """Return the slave's set-point with its derivatives."""
         return SlaveReference(self.ratio * master, self.ratio, 0.0)
 
-    def place(self, master: float) -> float:
+    def position(self, master: float) -> float:
         """Return the slave's set-point only, as each cycle needs it."""
         return self.ratio * master
 
-    def raised(self, _: float) -> float:
+    def accumulated_lift(self, _: float) -> float:
         """Return 0: a gear has no turns."""
         return 0.0
 
@@ -54,15 +54,15 @@ class CamLaw:
 
     def at(self, master: float) -> SlaveReference:
         """Return the slave's set-point with its derivatives."""
-        part, s, inside = self._found(master)
-        if not inside:
+        part, s, is_inside = self._found(master)
+        if not is_inside:
             return SlaveReference(part.at(s), 0.0, 0.0)
-        return SlaveReference(self.raised(master) + part.at(s), part.speed_at(s), part.bend_at(s))
+        return SlaveReference(self.accumulated_lift(master) + part.at(s), part.speed_at(s), part.bend_at(s))
 
-    def place(self, master: float) -> float:
+    def position(self, master: float) -> float:
         """Return the slave's set-point only, as each cycle needs it."""
-        part, s, inside = self._found(master)
-        return part.at(s) + (self.raised(master) if inside else 0.0)
+        part, s, is_inside = self._found(master)
+        return part.at(s) + (self.accumulated_lift(master) if is_inside else 0.0)
 
     def _found(self, master: float) -> tuple[SplineSegment, float, bool]:
         """Return the part for a position of the master, the distance along the part, and whether the master is within the cam."""
@@ -73,7 +73,7 @@ class CamLaw:
         number = max(bisect_right(self.marks, within) - 1, 0)
         return self.parts[number], within - self.marks[number], within == along
 
-    def raised(self, master: float) -> float:
+    def accumulated_lift(self, master: float) -> float:
         """Return the distance of the slave over all completed turns of the cam."""
         return 0.0 if self.lift is None else math.floor((master - self.first) / self.period) * self.lift
 
@@ -85,7 +85,7 @@ Law = Gear | CamLaw
 # Options of a coupling as frozen values: the master's value to follow, and how the slave synchronises with its master.
 
 
-class By(Enum):
+class MasterValue(Enum):
     """The value of the master to follow: its commanded position or its actual position."""
 
     COMMAND = "command"
@@ -100,23 +100,23 @@ class SyncAtSpeed:
 
 
 @dataclass(frozen=True, slots=True)
-class AtPlace:
-    """MC_GearInPos: slave at ``slave`` when master at ``master``; ``over``: master distance (units) for the synchronisation."""
+class SyncAtPositions:
+    """MC_GearInPos: slave at ``slave`` when master at ``master``; synchronise within ``master_distance`` units of the master."""
 
     master: float
     slave: float
-    over: float
+    master_distance: float
 
 
 @dataclass(frozen=True, slots=True)
-class SyncInPlace:
-    """MC_CamIn: synchronise from the present positions within ``over`` units of the master (0: the slave must be at its set-point).
+class SyncFromPresent:
+    """MC_CamIn: synchronise from the present positions within ``master_distance`` units of the master.
 
-    ``relative``: the slave's present position counts as its set-point.
+    0: the slave must be at its set-point. ``relative``: the slave's present position counts as its set-point.
     """
 
-    over: float = 0.0
+    master_distance: float = 0.0
     relative: bool = False
 
 
-Entry = SyncAtSpeed | AtPlace | SyncInPlace
+Entry = SyncAtSpeed | SyncAtPositions | SyncFromPresent

@@ -19,28 +19,28 @@ from collections import deque
 from axisbus.cia402.port import ValueTransport
 from axisbus.errors import AxisbusError, NodeError, StateError
 from axisbus.motion.axis.core import AxisCore
-from axisbus.motion.coupling.definition import By
+from axisbus.motion.coupling.definition import MasterValue
 from axisbus.motion.states import AxisState
 
-_PATH, _TARGET, _TOLD = "path", "target", "told"
+_PATH, _TARGET, _REPORTED = "path", "target", "reported"
 _UNKNOWN = frozenset({AxisState.ERRORSTOP, AxisState.HOMING})
 
 
 class Master:
-    """Follows one axis; ``place`` (in its unit) and ``velocity`` (per s) are those of the last step."""
+    """Follows one axis; ``position`` (in its unit) and ``velocity`` (per s) are those of the last step."""
 
-    def __init__(self, core: AxisCore, by: By, period: float) -> None:
+    def __init__(self, core: AxisCore, master_value: MasterValue, period: float) -> None:
         """``period``: scan period in seconds."""
         self.core = core
-        self.place = 0.0
+        self.position = 0.0
         self.velocity = 0.0
-        self._by = by
+        self._master_value = master_value
         self._period = period
         self._origin = core.image.origin  # fixed, so that a change of the origin does not move a slave
         self._kind: str | None = None
         self._target: int | None = None  # the last one, in increments
-        self._debt = LagCorrection(period)
-        self._told = MasterEstimator(core, by, period)
+        self._lag = LagCorrection(period)
+        self._estimator = MasterEstimator(core, master_value, period)
 
     @property
     def name(self) -> str:
@@ -56,17 +56,19 @@ class Master:
         core, image = self.core, self.core.image
         if core.state in _UNKNOWN or image.position is None or not image.operational:
             raise self._lost()
-        before, self._target = self._target, self._leads_to()
+        before, self._target = self._target, self._last_target()
         path = core.leading_path
-        if self._by is not By.COMMAND or (path is None and self._target is None):
-            self._take_told()
+        if self._master_value is not MasterValue.COMMAND or (path is None and self._target is None):
+            self._use_reported()
         elif path is not None:
-            place = path.last_step.position + self._moved
-            self._take_led(_PATH, place, path.last_step.velocity * self._period)
+            position = path.last_step.position + self._moved
+            self._use_commanded(_PATH, position, path.last_step.velocity * self._period)
         else:
             assert self._target is not None
-            place = self._counted(self._target)
-            self._take_led(_TARGET, place, 0.0 if before is None else place - self._counted(before))
+            position = self._in_units(self._target)
+            self._use_commanded(
+                _TARGET, position, 0.0 if before is None else position - self._in_units(before)
+            )
 
     def _lost(self) -> AxisbusError:
         core = self.core
@@ -77,7 +79,7 @@ class Master:
             return StateError(f"{self.name} is being homed, and will count from the new home")
         return NodeError(f"the position of {self.name} is unknown", node=core.parameters.node)
 
-    def _leads_to(self) -> int | None:
+    def _last_target(self) -> int | None:
         """Return the last target in increments; None if the drive controls its own motion, or the axis is not controlled."""
         core = self.core
         if core.parameters.encoder:
@@ -94,35 +96,35 @@ class Master:
             else self.core.parameters.units.position.to_units(origin - self._origin)
         )
 
-    def _counted(self, increment: int) -> float:
+    def _in_units(self, increment: int) -> float:
         return self.core.parameters.units.position.to_units(increment - self._origin)
 
-    def _take_led(self, kind: str, place: float, went: float) -> None:
-        """Use a commanded position; ``went``: distance commanded in the last cycle."""
+    def _use_commanded(self, kind: str, position: float, distance: float) -> None:
+        """Use a commanded position; ``distance``: distance commanded in the last cycle."""
         before, self._kind = self._kind, kind
         if before is None:
-            self.place, self.velocity = place, went / self._period
+            self.position, self.velocity = position, distance / self._period
             return
         if kind is not before:
-            self._debt.add(self.place - (place - went) - self._debt.value, self.velocity)
-        self._go_to(place)
+            self._lag.add(self.position - (position - distance) - self._lag.value, self.velocity)
+        self._set_position(position)
 
-    def _take_told(self) -> None:
-        told, before = self._told, self._kind
-        self._kind = _TOLD
+    def _use_reported(self) -> None:
+        estimator, before = self._estimator, self._kind
+        self._kind = _REPORTED
         if before is None:
-            told.begin(self._origin)
-            told.step(self._origin)
-            self.place, self.velocity = told.due, told.velocity
+            estimator.begin(self._origin)
+            estimator.step(self._origin)
+            self.position, self.velocity = estimator.due, estimator.velocity
             return
-        if before is not _TOLD:
-            told.go_on_from(self.place - self._debt.value, self.velocity - self._debt.rate)
-        self._debt.add(-told.step(self._origin), self.velocity)
-        self._go_to(told.due)
+        if before is not _REPORTED:
+            estimator.continue_from(self.position - self._lag.value, self.velocity - self._lag.rate)
+        self._lag.add(-estimator.step(self._origin), self.velocity)
+        self._set_position(estimator.due)
 
-    def _go_to(self, due: float) -> None:
-        before, self.place = self.place, due + self._debt.step()
-        self.velocity = (self.place - before) / self._period
+    def _set_position(self, due: float) -> None:
+        before, self.position = self.position, due + self._lag.step()
+        self.velocity = (self.position - before) / self._period
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -145,7 +147,7 @@ class Master:
 # would not notice for several cycles that the master has begun to move, and its slave would then jump. Such a demand is not used.
 #
 # A position that comes only at every n-th cycle corrects the estimate by so much at once that a slave would jump. Then the master's
-# course from the estimate before to the corrected one is a cubic over 2n cycles, so that its velocity does not jump.
+# path from the estimate before to the corrected one is a cubic over 2n cycles, so that its velocity does not jump.
 #
 # During skipped cycles the drive keeps moving. The distance that it covers without a target for the slave becomes a lag of the
 # slave. A ``LagCorrection`` removes the lag like a critically damped spring: the slave's speed never jumps. The correction speed
@@ -159,10 +161,10 @@ _SHARES = [
     (1.0 - theta**2, (1.0 - theta) ** 2)
     for theta in (math.exp(-n / _CYCLES) for n in range(_MOST_CYCLES + 1))
 ]
-_LATE = 2.0  # cycles by which a reported value is older than a commanded one
-_BEFORE = 0.125  # of a period: a drive may answer a SYNC before the scan has read its clock
-_SOON, _AT_LEAST = 3.0, 0.5  # 1/s: highest and lowest natural frequency of the correction
-_FASTER = 0.1  # of the master's speed: the highest correction speed
+_REPORTED_DELAY_CYCLES = 2.0  # cycles by which a reported value is older than a commanded one
+_CLOCK_MARGIN = 0.125  # of a period: a drive may answer a SYNC before the scan has read its clock
+_MAX_FREQUENCY, _MIN_FREQUENCY = 3.0, 0.5  # 1/s: highest and lowest natural frequency of the correction
+_CATCH_UP_MAX_SPEED_RATIO = 0.1  # of the master's speed: the highest correction speed
 
 
 class LagCorrection:
@@ -173,57 +175,61 @@ class LagCorrection:
         self.value = 0.0
         self.rate = 0.0
         self._period = period
-        self._pull = _SOON
+        self._frequency = _MAX_FREQUENCY
 
     def add(self, off: float, speed: float) -> None:
         """Increase the deviation by ``off`` units; the slower the master moves, the longer the correction takes."""
         if not off:
             return
         self.value += off
-        pull = math.e * _FASTER * abs(speed / self.value) if speed and self.value else _SOON
-        self._pull = min(max(pull, _AT_LEAST), _SOON)
+        frequency = (
+            math.e * _CATCH_UP_MAX_SPEED_RATIO * abs(speed / self.value)
+            if speed and self.value
+            else _MAX_FREQUENCY
+        )
+        self._frequency = min(max(frequency, _MIN_FREQUENCY), _MAX_FREQUENCY)
 
     def step(self) -> float:
         """Advance by one cycle and return the remaining deviation in units."""
         if self.value == 0.0 == self.rate:
             return 0.0
-        pull = self._pull
-        self.rate -= (2.0 * pull * self.rate + pull * pull * self.value) * self._period
+        frequency = self._frequency
+        self.rate -= (2.0 * frequency * self.rate + frequency * frequency * self.value) * self._period
         self.value += self.rate * self._period
         return self.value
 
 
 class _Transition:
-    """A cubic from one place and velocity to others; times in seconds."""
+    """A cubic from one position and velocity to others; times in seconds."""
 
     def __init__(
-        self, begin: float, end: float, place: float, velocity: float, goal: float, goal_velocity: float
+        self, begin: float, end: float, position: float, velocity: float, goal: float, goal_velocity: float
     ) -> None:
         self.end = end
-        self._begin, self._place, self._velocity = begin, place, velocity
+        self._begin, self._position, self._velocity = begin, position, velocity
         seconds = end - begin
-        way, faster = goal - place - velocity * seconds, (goal_velocity - velocity) * seconds
-        self._square = (3.0 * way - faster) / seconds**2
-        self._cube = (faster - 2.0 * way) / seconds**3
+        distance, faster = goal - position - velocity * seconds, (goal_velocity - velocity) * seconds
+        self._square = (3.0 * distance - faster) / seconds**2
+        self._cube = (faster - 2.0 * distance) / seconds**3
 
     def at(self, time: float) -> tuple[float, float]:
-        """Return place and velocity at a time from begin to end."""
+        """Return position and velocity at a time from begin to end."""
         t = time - self._begin
-        place = self._place + t * (self._velocity + t * (self._square + t * self._cube))
-        return place, self._velocity + t * (2.0 * self._square + 3.0 * t * self._cube)
+        position = self._position + t * (self._velocity + t * (self._square + t * self._cube))
+        return position, self._velocity + t * (2.0 * self._square + 3.0 * t * self._cube)
 
 
 class MasterEstimator:
     """Follows one master by the values that its drive reports; ``velocity`` in units/s."""
 
-    def __init__(self, core: AxisCore, by: By, period: float) -> None:
+    def __init__(self, core: AxisCore, master_value: MasterValue, period: float) -> None:
         """``period``: scan period in seconds."""
         self.velocity = 0.0
         self._core = core
-        self._by = by
+        self._master_value = master_value
         self._period = period
-        self._place = 0.0
-        self._at = -math.inf  # the time of ``_place``, possibly in the future
+        self._position = 0.0
+        self._at = -math.inf  # the time of ``_position``, possibly in the future
         self._due_at = -math.inf
         self._stamp = -math.inf
         self._by_demand = False  # 6062h instead of 6064h gives the master's position
@@ -239,7 +245,7 @@ class MasterEstimator:
         """Return the expected position and velocity at a time (s)."""
         if self._transition is not None and time < self._transition.end:
             return self._transition.at(time)
-        return self._place + self.velocity * (time - self._at), self.velocity
+        return self._position + self.velocity * (time - self._at), self.velocity
 
     def begin(self, origin: int) -> None:
         """Start with the values reported now; ``origin``: the increment that counts as 0."""
@@ -247,15 +253,15 @@ class MasterEstimator:
         self._start()
         seen, self._stamp, source = self._seen()
         units = core.parameters.units
-        self._place = units.position.to_units(seen - origin)
+        self._position = units.position.to_units(seen - origin)
         if image.velocity is not None and units.ratio_known:
             self.velocity = units.velocity.to_units(image.velocity)
         self._at = self._sampled(self._stamp, source)
 
-    def go_on_from(self, place: float, velocity: float) -> None:
+    def continue_from(self, position: float, velocity: float) -> None:
         """Start with the master's position and velocity of the last cycle, as another source gave them."""
         self._start()
-        self._place, self._at, self.velocity = place, self._due_at, velocity
+        self._position, self._at, self.velocity = position, self._due_at, velocity
 
     def step(self, origin: int) -> float:
         """Process the last cycle's values; return the distance that the drive covered in cycles skipped before it."""
@@ -276,7 +282,7 @@ class MasterEstimator:
                 end = before + 2 * cycles * period
                 self._transition = _Transition(before, end, *expected, *self._expected(end))
         elif source is ValueTransport.EVENT_PDO:
-            self._correct(seen - origin, image.now - (_LATE - 1.0) * period)
+            self._correct(seen - origin, image.now - (_REPORTED_DELAY_CYCLES - 1.0) * period)
         self._stamp = stamp
         return self.velocity * skipped * period
 
@@ -292,7 +298,7 @@ class MasterEstimator:
         """Return the reported position in increments, its time stamp, and its transport."""
         core, image = self._core, self._core.image
         inputs = core.capabilities.inputs
-        demand = image.demand if self._by is By.COMMAND else None
+        demand = image.demand if self._master_value is MasterValue.COMMAND else None
         self._by_demand = demand is not None and (self._by_demand or (image.standstill and self._comes_often))
         if demand is not None and self._by_demand:
             return demand, image.demand_stamp, inputs.get("demand")
@@ -312,17 +318,17 @@ class MasterEstimator:
         """Return the sampling time of a value that arrived at ``stamp``."""
         if source is not ValueTransport.SYNC_PDO:
             return stamp
-        before = stamp + _BEFORE * self._period
+        before = stamp + _CLOCK_MARGIN * self._period
         return max((sync for sync in self._syncs if sync <= before), default=stamp)
 
     def _correct(self, seen: int, at: float) -> int:
         """Extrapolate to time ``at``, and correct the estimate by the reported value; return the cycles since the value before."""
         passed = at - self._at
         cycles = min(max(round(passed / self._period), 1), _MOST_CYCLES)
-        of_place, of_velocity = _SHARES[cycles]
-        self._place += self.velocity * passed
+        of_position, of_velocity = _SHARES[cycles]
+        self._position += self.velocity * passed
         self._at = at
-        off = self._core.parameters.units.position.to_units(seen) - self._place
-        self._place += of_place * off
+        off = self._core.parameters.units.position.to_units(seen) - self._position
+        self._position += of_position * off
         self.velocity += of_velocity * off / max(passed, self._period)
         return cycles

@@ -15,53 +15,53 @@ from axisbus.motion.group.start_barrier import OPEN
 from axisbus.motion.moves.follow import Follow, Foreseen
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.path_limit_check import LimitExceeded, PathSample
-from axisbus.motion.position_limits import Room, leaves
+from axisbus.motion.position_limits import PositionRange, rest_beyond
 from axisbus.motion.superimposed import Shift
 
 _ENDLESS = 1e9  # seconds
 
 
-class Leader(Protocol):
+class SlaveSetPointSource(Protocol):
     """The source of a slave's set-points (``Engagement``)."""
 
     failure: AxisbusError | None
     refused: bool
-    in_step: bool
+    is_synchronised: bool
     master: Master
     phase: PhaseShift
-    place: float
+    position: float
 
-    def require_start(self, place: float, velocity: float) -> None:
-        """Raise AxisbusError if a slave at ``place`` with ``velocity`` (unit/s) cannot be coupled."""
+    def require_start(self, position: float, velocity: float) -> None:
+        """Raise AxisbusError if a slave at ``position`` with ``velocity`` (unit/s) cannot be coupled."""
 
-    def take_up(self, place: float, velocity: float) -> None:
-        """Command the slave from the next cycle on; it is at ``place``, with ``velocity`` (unit/s)."""
+    def begin_commanding(self, position: float, velocity: float) -> None:
+        """Command the slave from the next cycle on; it is at ``position``, with ``velocity`` (unit/s)."""
 
 
-class _Now:
+class _NoClock:
     """The clock of a slave: it does not advance, because the master determines the slave's path."""
 
     t = 0.0
     braking = False
     stopped = False
 
-    def told(self, _: float) -> str:
+    def as_text(self, _: float) -> str:
         return "this moment"
 
     def advance(self, period: float) -> None:
         """Do nothing."""
 
 
-class _Due:
+class _SlaveSetPoint:
     """The set-point of a slave, as a path to follow."""
 
     duration = _ENDLESS
 
-    def __init__(self, leader: Leader) -> None:
-        self._leader = leader
+    def __init__(self, source: SlaveSetPointSource) -> None:
+        self._source = source
 
     def position(self, _: float) -> float:
-        return self._leader.place
+        return self._source.position
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,47 +84,49 @@ class Coupled(Follow):
     goes_on = True
     ends_at_rest = False
 
-    def __init__(self, leader: Leader, parameters: AxisParameters, before: Follow | None) -> None:
+    def __init__(
+        self, source: SlaveSetPointSource, parameters: AxisParameters, before: Follow | None
+    ) -> None:
         """``before``: the path that commands the axis now; None if there is none."""
-        super().__init__(_Due(leader), parameters, OPEN)
-        self._leader = leader
+        super().__init__(_SlaveSetPoint(source), parameters, OPEN)
+        self._source = source
         self._own_clock = False
-        self.clock = _Now()
+        self.clock = _NoClock()
         self.brakes_along = True
-        self._is_taken_up = before is None
-        self._is_in_step = False  # synchronised: its command has ended
+        self._is_commanding = before is None
+        self._is_synchronised = False  # synchronised: its command has ended
         if before is not None:
             self.resume(before)
 
     def require_start(self, core: AxisCore) -> None:
         """Raise AxisbusError if the axis cannot be coupled at its present position; the axis is then unchanged."""
-        if not self._is_taken_up:
-            self._leader.require_start(*self.last_step)
+        if not self._is_commanding:
+            self._source.require_start(*self.last_step)
         elif core.image.position is not None:
-            place = self.reference(core.image) - core.image.origin
-            self._leader.require_start(core.parameters.units.position.to_units(place), 0.0)
+            position = self.reference(core.image) - core.image.origin
+            self._source.require_start(core.parameters.units.position.to_units(position), 0.0)
 
     @property
     def master(self) -> AxisCore:
         """The master of this slave."""
-        return self._leader.master.core
+        return self._source.master.core
 
     @property
-    def is_led(self) -> bool:
+    def is_coupled(self) -> bool:
         """Whether the slave still follows its master."""
         return self._running and not self.clock.braking
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the axis is synchronised with its master and no phase shift is in progress."""
-        if not self.clock.braking and self._leader.failure is not None:
-            self._stepped, self.refused = True, self._leader.refused
-            raise self._leader.failure
-        if not self._is_taken_up:
-            self._is_taken_up = True
-            self._leader.take_up(*self.last_step)
+        if not self.clock.braking and self._source.failure is not None:
+            self._stepped, self.refused = True, self._source.refused
+            raise self._source.failure
+        if not self._is_commanding:
+            self._is_commanding = True
+            self._source.begin_commanding(*self.last_step)
         super().step(image, order)
-        self._is_in_step = self._leader.in_step and self._leader.phase.over
-        return self._is_in_step
+        self._is_synchronised = self._source.is_synchronised and self._source.phase.over
+        return self._is_synchronised
 
     def phase_by(self, command: PhaseBy, name: str) -> None:
         """Shift the phase of the master as this slave sees it, gradually.
@@ -132,23 +134,23 @@ class Coupled(Follow):
         Raises:
             StateError: the axis is not yet synchronised with its master.
         """
-        if not self._leader.in_step:
+        if not self._source.is_synchronised:
             raise StateError(
-                f"{name}: {self._parameters.name} is not synchronised with {self._leader.master.name} yet",
+                f"{name}: {self._parameters.name} is not synchronised with {self._source.master.name} yet",
                 remedy="wait until it is synchronised: then the handle of gear_in or cam_in is done",
             )
-        self._leader.phase.change(command)
-        self._is_in_step = False
+        self._source.phase.change(command)
+        self._is_synchronised = False
 
     def foresee(self) -> Foreseen | None:
         """Return the next target, as ``Follow`` does, as long as the axis is synchronised and can stop within its limits."""
-        leader, limits = self._leader, self._limits
-        if leader.failure is not None or not self._is_in_step:
+        source, limits = self._source, self._limits
+        if source.failure is not None or not self._is_synchronised:
             return None
         if (
             limits is not None
             and self._step is not None
-            and self._stop(leader.place + self.shifted, limits) is not None
+            and self._stop_outside(source.position + self.shifted, limits) is not None
         ):
             return None
         return super().foresee()
@@ -159,24 +161,24 @@ class Coupled(Follow):
 
     def _start(self, image: AxisImage) -> None:
         units = self._parameters.units.position
-        self._leader.take_up(units.to_units(self.reference(image) - image.origin), 0.0)
+        self._source.begin_commanding(units.to_units(self.reference(image) - image.origin), 0.0)
         super()._start(image)
 
     def _go_to(self, value: float) -> None:
         if self._step is not None and not self.clock.braking and self._limits is not None:
-            stop = self._stop(value, self._limits)
+            stop = self._stop_outside(value, self._limits)
             if stop is not None:
-                raise self._leads_out(value, stop)
+                raise self._leaves_limits(value, stop)
         super()._go_to(value)
 
-    def _stop(self, value: float, limits: Room) -> float | None:
+    def _stop_outside(self, value: float, limits: PositionRange) -> float | None:
         """Return the position to which the axis would brake if that is outside its limits; the master's next motion is unknown."""
         speed = (value - self.last_step.position) / self._period
         deceleration = self._parameters.path_deceleration
         assert deceleration  # without it the axis would not have been coupled
-        return leaves(limits, value, speed, deceleration)
+        return rest_beyond(limits, value, speed, deceleration)
 
-    def _leads_out(self, value: float, stop: float) -> LimitError:
+    def _leaves_limits(self, value: float, stop: float) -> LimitError:
         speed = (value - self.last_step.position) / self._period
         name, unit, limits = self._parameters.name, self._parameters.units.position.unit, self._edges
         seen = f"at {value:g} {unit}, with {speed:g} {unit}/s, it would stop at {stop:g} {unit}"
@@ -222,17 +224,17 @@ class Disengaged(Follow):
 def require_no_ring(master: AxisCore, slave: AxisCore, name: str) -> None:
     """Raise StateError if ``master`` follows ``slave``, directly or through others; ``name``: the command, for the message."""
     chain = [slave.parameters.name]
-    leads: AxisCore | None = master
-    while leads is not None:
-        chain.append(leads.parameters.name)
-        if leads is slave:
+    current: AxisCore | None = master
+    while current is not None:
+        chain.append(current.parameters.name)
+        if current is slave:
             raise StateError(
                 f"{name}: an axis cannot be its own master, directly or over other axes",
                 observed=" is led by ".join(chain),
                 remedy=f"release one of the couplings first: {master.parameters.name}.halt()",
             )
-        activity = leads.activity
-        leads = activity.master if isinstance(activity, Coupled) else None
+        activity = current.activity
+        current = activity.master if isinstance(activity, Coupled) else None
 
 
 # -- The phase shift between a slave and its master, which can be changed while both move (MC_PhasingRelative) ---------

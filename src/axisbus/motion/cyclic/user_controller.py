@@ -35,8 +35,8 @@ class ControllerOutputBuffer:
 
     def __init__(self, command: ControllerCommand, name: str) -> None:
         """``name``: of the axis."""
-        self._number, self._late, self._name = command.number, command.late, name
-        self._cycles: deque[float] = deque(maxlen=command.late + 1)
+        self._number, self._late, self._name = command.number, command.max_missed_cycles, name
+        self._cycles: deque[float] = deque(maxlen=command.max_missed_cycles + 1)
         self._since: float | None = None
         self._newest: ControllerOutput | None = None
 

@@ -31,7 +31,7 @@ from axisbus.motion.gantry import commands as g
 from axisbus.motion.gantry.homing import GantryHoming
 from axisbus.motion.gantry.motion import GantryVelocityMove, end_of_move, ends_of_squaring, far_end
 from axisbus.motion.gantry.parameters import GantryParameters
-from axisbus.motion.gantry.skew import SkewMonitor, led_place_of
+from axisbus.motion.gantry.skew import SkewMonitor, demand_position_of
 from axisbus.motion.group.commands import ForEach, GroupCommand, GroupContinue, MoveLinear
 from axisbus.motion.group.core import EndedGroupCommand, GroupCore
 from axisbus.motion.group.path_motion import PathMotion
@@ -47,13 +47,13 @@ from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
 class SkewStop:
     """Holds whether both axes are being stopped because of the skew."""
 
-    def __init__(self, axes: Mapping[str, AxisCore], watch: SkewMonitor) -> None:
-        self._axes, self._watch = axes, watch
+    def __init__(self, axes: Mapping[str, AxisCore], monitor: SkewMonitor) -> None:
+        self._axes, self._monitor = axes, monitor
         self._stopping = False
 
     def stop_both(self, error: SkewError) -> None:
         """Stop both axes along their line if one commands them, otherwise each by its stop sequence."""
-        failing = self._watch.failing()
+        failing = self._monitor.failing()
         self._stopping = True
         for core in failing:
             path = core.leading_path
@@ -61,7 +61,7 @@ class SkewStop:
                 path.brakes_along = True
             core.break_off(copy(error))
 
-    def let_nothing_pull(self) -> None:
+    def quick_stop_if_skewed(self) -> None:
         """Quick-stop both axes when their path is at rest and the beam is still skewed: a jammed side would jump to its target."""
         if not self._stopping:
             return
@@ -73,7 +73,7 @@ class SkewStop:
         if halting and any(core.leading_path is not None for core in self._axes.values()):
             return
         self._stopping = False
-        if self._watch.skew is not None and abs(self._watch.skew) > self._watch.bound:
+        if self._monitor.skew is not None and abs(self._monitor.skew) > self._monitor.bound:
             for core in halting:
                 core.stop_because(
                     StopKind.ERROR,
@@ -102,19 +102,21 @@ class GantryCore(GroupCore):
         self._groups = groups
         self.parameters = parameters
         self._first, self._second = (axes[name] for name in parameters.axes)
-        self.watch = SkewMonitor(parameters, self._first, self._second)
+        self.monitor = SkewMonitor(parameters, self._first, self._second)
         self._homing: GantryHoming | None = None
-        self._turning: GantryVelocityMove | None = None
-        self._turned: GantryVelocityMove | None = None  # the last one, also after it was interrupted
+        self._velocity_move: GantryVelocityMove | None = None
+        self._last_velocity_move: GantryVelocityMove | None = (
+            None  # the last one, also after it was interrupted
+        )
         self._squaring: CommandStatus | None = None
-        self._bent = SkewStop(axes, self.watch)
-        self._ends_at: float | None = None  # the last commanded end position of the beam
+        self._skew_stop = SkewStop(axes, self.monitor)
+        self._last_end: float | None = None  # the last commanded end position of the beam
 
     def forget(self) -> None:
         """As ``GroupCore.forget``."""
         super().forget()
-        self._ends_at = None
-        self.watch.narrow()
+        self._last_end = None
+        self.monitor.restore_bound()
 
     def accept(self, command: GroupCommand, ticket: CommandStatus) -> None:
         """As ``GroupCore.accept``."""
@@ -124,7 +126,7 @@ class GantryCore(GroupCore):
             if own is not None:
                 own(self, command, ticket)
             else:
-                self._require_ours(command, ticket)
+                self._require_permitted(command, ticket)
         except AxisbusError as error:
             ticket.finish(Status.ERROR, error)
         if own is None and ticket.busy:
@@ -133,22 +135,22 @@ class GantryCore(GroupCore):
 
     def step(self) -> None:
         """Check the skew and advance all active commands; called once per cycle, before the axes step."""
-        self.watch.look()
-        error = self.watch.finding()
+        self.monitor.update()
+        error = self.monitor.present_error()
         if error is not None:
             if self._homing is not None:
                 self._homing.give_up(error)
             self._brake_hard()
-            self._bent.stop_both(error)
+            self._skew_stop.stop_both(error)
         elif any(core.state is AxisState.ERRORSTOP for core in self.axes.values()):
             self._brake_hard()
-        self._bent.let_nothing_pull()
-        self._look_at_own()
+        self._skew_stop.quick_stop_if_skewed()
+        self._step_own()
         super().step()
 
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """As ``GroupCore.abandon``."""
-        for own in (self._homing, self._turning):
+        for own in (self._homing, self._velocity_move):
             if own is not None:
                 own.abandon(ended(own.name))
         super().abandon(ended)
@@ -157,20 +159,20 @@ class GantryCore(GroupCore):
     def _is_busy(self) -> bool:
         return super()._is_busy or (self._homing is not None and self._homing.busy)
 
-    def let_lead(self, name: str) -> AxisbusError | None:
+    def permit_group_path(self, name: str) -> AxisbusError | None:
         """Permit a path of another group to command both axes with others; return an error if not (``name``: the command)."""
         self._end_squaring()
-        self._ends_at = None
+        self._last_end = None
         if self._homing is not None and self._homing.busy:
             return StateError(
                 f"{name}: {self.parameters.name} is being homed", remedy="wait for it, or halt it first"
             )
-        return self._too_wide(name) if self.watch.wide else None
+        return self._widened_error(name) if self.monitor.is_widened else None
 
-    def _too_wide(self, name: str) -> StateError:
+    def _widened_error(self, name: str) -> StateError:
         return StateError(
-            f"{name}: the pair was enabled with a wider skew limit of {self.watch.bound:.6g} {self.watch.unit}",
-            observed=self.watch.places,
+            f"{name}: the pair was enabled with a wider skew limit of {self.monitor.bound:.6g} {self.monitor.unit}",
+            observed=self.monitor.positions_text,
             remedy=f"make the beam square first: {self.parameters.name}.square(velocity=...), slowly",
         )
 
@@ -181,25 +183,25 @@ class GantryCore(GroupCore):
         for group in self._groups():
             group.brake_hard(self.axes)
 
-    def _look_at_own(self) -> None:
+    def _step_own(self) -> None:
         if self._homing is not None:
             self._homing.step()
-            self._look_at_homing(self._homing)
-        if self._turning is not None:
-            self._ended = self._turning.step() or self._ended
-            self._turning = None if self._turning.over else self._turning
+            self._check_homing(self._homing)
+        if self._velocity_move is not None:
+            self._ended = self._velocity_move.step() or self._ended
+            self._velocity_move = None if self._velocity_move.over else self._velocity_move
         self._end_squaring()
 
-    def _look_at_homing(self, homing: GantryHoming) -> None:
+    def _check_homing(self, homing: GantryHoming) -> None:
         """When homing has ended, begin the first waiting command."""
         if not homing.busy:
             self._ended, self._homing = True, None
-            self._go_on_after(homing)
+            self._begin_next_after(homing)
 
-    def _go_on_after(self, ended: EndedGroupCommand) -> None:
+    def _begin_next_after(self, ended: EndedGroupCommand) -> None:
         """As ``GroupCore``; the commands of a homing run to its axes do not count."""
         if self._homing is None:
-            super()._go_on_after(ended)
+            super()._begin_next_after(ended)
 
     def _end_squaring(self) -> None:
         """Restore ``max_skew`` as the bound after the beam has been squared."""
@@ -207,37 +209,37 @@ class GantryCore(GroupCore):
         if ticket is None or ticket.busy:
             return
         self._squaring = None
-        skew = self.watch.skew
+        skew = self.monitor.skew
         if ticket.status is Status.DONE and skew is not None and abs(skew) <= self.parameters.max_skew:
-            self.watch.narrow()
+            self.monitor.restore_bound()
 
     # -- power ---------------------------------------------------------------------------------------------------------
 
-    def _require_ours(self, command: GroupCommand, ticket: CommandStatus) -> None:
+    def _require_permitted(self, command: GroupCommand, ticket: CommandStatus) -> None:
         """Raise the error if a group command is not permitted for this pair now."""
         singles = command.commands.values() if isinstance(command, ForEach) else ()
-        if isinstance(command, GroupContinue) and self.watch.wide:
+        if isinstance(command, GroupContinue) and self.monitor.is_widened:
             self._require_fit(ticket)
-        out_of_square = self.watch.skew is None or abs(self.watch.skew) > self.watch.bound
+        out_of_square = self.monitor.skew is None or abs(self.monitor.skew) > self.monitor.bound
         if (
             any(isinstance(each, c.ResetCommand) for each in singles)
             and out_of_square
-            and self.watch.energised
+            and self.monitor.energised
         ):
-            raise self.watch.error(f"{ticket.name}: not reset")
+            raise self.monitor.error(f"{ticket.name}: not reset")
 
     def _enable(self, command: g.GantryEnable, ticket: CommandStatus) -> None:
-        watch, bound = self.watch, self.parameters.max_skew
-        watch.look()
+        monitor, bound = self.monitor, self.parameters.max_skew
+        monitor.update()
         enables = ForEach({name: c.EnableCommand() for name in self.axes}, together=True)
         self._require_each(enables, ticket)
-        before = watch.bound
-        if watch.energised and command.skew is None:
+        before = monitor.bound
+        if monitor.energised and command.skew is None:
             bound = before  # enabled already: nothing changes
-        watch.bound = max(bound, command.skew or 0.0)
-        if watch.skew is None or abs(watch.skew) > watch.bound:
-            error = watch.error(f"{ticket.name}: not enabled")
-            watch.bound = before
+        monitor.bound = max(bound, command.skew or 0.0)
+        if monitor.skew is None or abs(monitor.skew) > monitor.bound:
+            error = monitor.error(f"{ticket.name}: not enabled")
+            monitor.bound = before
             raise error
         self._for_each(enables, ticket)
 
@@ -250,52 +252,60 @@ class GantryCore(GroupCore):
             return
         self._require_no_homing(ticket)
         self._require_fit(ticket)
-        end = end_of_move(command, self._first, self._ends_at)
-        for name, place in self._both(end).items():
-            end += self._allowed(name, place, ticket) - place
+        end = end_of_move(command, self._first, self._last_end)
+        for name, position in self._both(end).items():
+            end += self._allowed(name, position, ticket) - position
         ends = self._both(end)
-        self._lead_to(ends, command.velocity, command.acceleration, command.jerk, ticket)
-        self._ends_at = end
+        self._move_to(ends, command.velocity, command.acceleration, command.jerk, ticket)
+        self._last_end = end
 
     def _both(self, end: float) -> dict[str, float]:
-        return {self.parameters.first: end, self.parameters.second: end + self.watch.square}
+        return {self.parameters.first: end, self.parameters.second: end + self.monitor.square}
 
-    def _turn(self, command: g.GantryVelocity, ticket: CommandStatus) -> None:
-        turning = self._turning
-        if turning is not None and turning.change(command.velocity, ticket):
+    def _move_velocity(self, command: g.GantryVelocity, ticket: CommandStatus) -> None:
+        active = self._velocity_move
+        if active is not None and active.change(command.velocity, ticket):
             return
         self._require_no_homing(ticket)
         self._require_fit(ticket)
-        end = far_end(command.velocity, self._first, self._second, self.watch.square, ticket.name)
+        end = far_end(command.velocity, self._first, self._second, self.monitor.square, ticket.name)
         inner = CommandStatus(f"{ticket.name} [line]")
-        self._lead_to(self._both(end), abs(command.velocity), command.acceleration, None, inner)
-        self._ends_at = None
-        if turning is not None:
-            turning.make_way(ticket.name)
-        self._turning = self._turned = GantryVelocityMove(command, ticket, inner, self._line_of(inner))
+        self._move_to(self._both(end), abs(command.velocity), command.acceleration, None, inner)
+        self._last_end = None
+        if active is not None:
+            active.end_replaced(ticket.name)
+        self._velocity_move = self._last_velocity_move = GantryVelocityMove(
+            command, ticket, inner, self._motion_of(inner)
+        )
 
     def _resume(self, command: GroupContinue, ticket: CommandStatus) -> None:
         """As ``GroupCore``; a velocity move has no end to go on to, so it begins again, and is done at its last velocity."""
-        turned = self._turned
-        line = None if turned is None else turned.line
-        if turned is None or line is None or line is not self._line or not turned.over or line.is_at_its_end:
-            self._require_ours(command, ticket)
+        last = self._last_velocity_move
+        motion = None if last is None else last.motion
+        if (
+            last is None
+            or motion is None
+            or motion is not self._last_motion
+            or not last.over
+            or motion.is_at_its_end
+        ):
+            self._require_permitted(command, ticket)
             super().accept(command, ticket)
         else:
-            self._turn(turned.command, ticket)
+            self._move_velocity(last.command, ticket)
 
-    def _line_of(self, ticket: CommandStatus) -> PathMotion | None:
-        lines = (each.line for each in self._under_way if each.name == ticket.name and each.busy)
-        return next((line for line in lines if isinstance(line, PathMotion)), None)
+    def _motion_of(self, ticket: CommandStatus) -> PathMotion | None:
+        motions = (each.motion for each in self._active if each.name == ticket.name and each.busy)
+        return next((motion for motion in motions if isinstance(motion, PathMotion)), None)
 
     def _square(self, command: g.GantrySquare, ticket: CommandStatus) -> None:
         self._require_no_homing(ticket)
         self._require_rest(command.axes, ticket)
-        ends = ends_of_squaring(command, self.parameters, self.axes, self.watch, ticket.name)
+        ends = ends_of_squaring(command, self.parameters, self.axes, self.monitor, ticket.name)
         self._require_limits({command.axis: ends[command.axis]}, ticket)
         self._squaring = ticket
-        self._lead_to(ends, command.velocity, command.acceleration, None, ticket)
-        self._ends_at = None
+        self._move_to(ends, command.velocity, command.acceleration, None, ticket)
+        self._last_end = None
 
     def _home(self, command: g.GantryHome, ticket: CommandStatus) -> None:
         plan = self.parameters.homing
@@ -309,9 +319,9 @@ class GantryCore(GroupCore):
         self._require_fit(ticket)
         for core in self.axes.values():
             core.forget_position()
-        self.watch.look()
-        homing = GantryHoming(self.parameters, plan, command, self.axes, self.watch, ticket)
-        homing.begin(partial(self._lead_home, command))
+        self.monitor.update()
+        homing = GantryHoming(self.parameters, plan, command, self.axes, self.monitor, ticket)
+        homing.begin(partial(self._move_home, command))
         self._homing = homing
 
     def _require_no_homing(self, ticket: CommandStatus) -> None:
@@ -322,30 +332,30 @@ class GantryCore(GroupCore):
                 remedy="wait for the end of the homing, or halt it first",
             )
 
-    def _lead_home(
+    def _move_home(
         self, command: g.GantryHome, ends: Mapping[str, float], velocity: float, ticket: CommandStatus
     ) -> None:
         self._require_limits(ends, ticket)
-        self._lead_to(ends, velocity, command.acceleration, None, ticket)
+        self._move_to(ends, velocity, command.acceleration, None, ticket)
 
     def _set_position(self, command: g.GantrySetPosition, ticket: CommandStatus) -> None:
         self._require_no_homing(ticket)
-        skew = self.watch.skew
+        skew = self.monitor.skew
         here = [core.image.position for core in self.axes.values()]
         still = all(core.image.standstill and core.state not in MOVING for core in self.axes.values())
         if not still or any(core.state is AxisState.STOPPING for core in self.axes.values()):
             raise StateError(f"{ticket.name}: the beam moves", remedy="set the position at standstill")
         if skew is None or None in here:
-            raise self.watch.error(f"{ticket.name}: not set")
+            raise self.monitor.error(f"{ticket.name}: not set")
         for core in self.axes.values():
             require_own_zero(core.parameters, ticket)
         second = command.position + self.parameters.offset + (0.0 if command.square else skew)
-        for core, place in zip(self.axes.values(), (command.position, second), strict=True):
-            set_place(core, place)
-        self._ends_at = None
+        for core, position in zip(self.axes.values(), (command.position, second), strict=True):
+            define_position(core, position)
+        self._last_end = None
         ticket.finish(Status.DONE)
 
-    def _lead_to(
+    def _move_to(
         self,
         ends: Mapping[str, float],
         velocity: float,
@@ -354,21 +364,21 @@ class GantryCore(GroupCore):
         ticket: CommandStatus,
     ) -> None:
         """Move both axes along one line; velocity, acceleration and jerk apply to the axis with the longer distance."""
-        ways = [end - (led_place_of(self.axes[name]) or 0.0) for name, end in ends.items()]
-        farthest = max(abs(way) for way in ways)
-        by = math.hypot(*ways) / farthest if farthest else 1.0
-        soft = None if jerk is None else by * jerk
-        self._move_along(MoveLinear(ends, by * velocity, by * acceleration, soft), ticket)
+        distances = [end - (demand_position_of(self.axes[name]) or 0.0) for name, end in ends.items()]
+        farthest = max(abs(distance) for distance in distances)
+        factor = math.hypot(*distances) / farthest if farthest else 1.0
+        path_jerk = None if jerk is None else factor * jerk
+        self._move_along(MoveLinear(ends, factor * velocity, factor * acceleration, path_jerk), ticket)
 
     # -- checks --------------------------------------------------------------------------------------------------------
 
     def _require_fit(self, ticket: CommandStatus) -> None:
         """Raise StateError if the beam cannot move as one: not at rest, position unknown, or a wider bound in force."""
         self._require_rest(self.parameters.axes, ticket)
-        if self.watch.skew is None:
-            raise self.watch.error(f"{ticket.name}: not begun")
-        if self.watch.wide:
-            raise self._too_wide(ticket.name)
+        if self.monitor.skew is None:
+            raise self.monitor.error(f"{ticket.name}: not begun")
+        if self.monitor.is_widened:
+            raise self._widened_error(ticket.name)
 
     def _require_limits(self, ends: Mapping[str, float], ticket: CommandStatus) -> None:
         for name, end in ends.items():
@@ -377,29 +387,29 @@ class GantryCore(GroupCore):
     def _allowed(self, name: str, end: float, ticket: CommandStatus) -> float:
         """Return the permitted end for an axis that is to move to ``end`` (``allowed_end``); raise LimitError if there is none."""
         core, image = self.axes[name], self.axes[name].image
-        units, start = core.parameters.units.position, led_place_of(core)
+        units, start = core.parameters.units.position, demand_position_of(core)
         assert start is not None  # the skew is known
         assert image.position is not None
-        asked = units.to_increments(end)
-        require_count(core.parameters, image.position, asked + image.origin, image.origin, ticket)
+        requested = units.to_increments(end)
+        require_count(core.parameters, image.position, requested + image.origin, image.origin, ticket)
         if not core.bounded:
             return end
         begin = units.to_increments(start)
-        found = require_within_limits(core.parameters, asked, ticket, begin, NOISE)
-        return end if found == asked else units.to_units(found)
+        found = require_within_limits(core.parameters, requested, ticket, begin, NOISE)
+        return end if found == requested else units.to_units(found)
 
 
-def set_place(core: AxisCore, place: float) -> None:
-    """Define the axis's present position as ``place`` (in its unit)."""
+def define_position(core: AxisCore, position: float) -> None:
+    """Define the axis's present position as ``position`` (in its unit)."""
     here = core.image.position
     assert here is not None
-    core.confirm_position(here - core.parameters.units.position.to_increments(place))
+    core.confirm_position(here - core.parameters.units.position.to_increments(position))
 
 
 _OWN: dict[type, Callable[[GantryCore, Any, CommandStatus], None]] = {
     g.GantryEnable: GantryCore._enable,
     g.GantryMove: GantryCore._move,
-    g.GantryVelocity: GantryCore._turn,
+    g.GantryVelocity: GantryCore._move_velocity,
     g.GantryHome: GantryCore._home,
     g.GantrySquare: GantryCore._square,
     g.GantrySetPosition: GantryCore._set_position,

@@ -29,11 +29,11 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.command_status import CommandStatus, Status, broken, end_as, unattended
 from axisbus.motion.gantry.commands import GantryHome
 from axisbus.motion.gantry.parameters import GantryParameters, SwitchSearch
-from axisbus.motion.gantry.skew import SkewMonitor, led_place_of, place_of
+from axisbus.motion.gantry.skew import SkewMonitor, actual_position_of, demand_position_of
 from axisbus.motion.states import AxisState
 
-Lead = Callable[[Mapping[str, float], float, CommandStatus], None]
-_LATE = 0.05  # seconds within which a latched edge may not have been received yet
+MoveBoth = Callable[[Mapping[str, float], float, CommandStatus], None]
+_EDGE_DELAY = 0.05  # seconds within which a latched edge may not have been received yet
 
 
 class GantryHoming:
@@ -45,24 +45,25 @@ class GantryHoming:
         plan: SwitchSearch,
         command: GantryHome,
         axes: Mapping[str, AxisCore],
-        watch: SkewMonitor,
+        monitor: SkewMonitor,
         ticket: CommandStatus,
     ) -> None:
         self._parameters, self._plan, self._command = parameters, plan, command
-        self._axes, self._watch, self._ticket = axes, watch, ticket
+        self._axes, self._monitor, self._ticket = axes, monitor, ticket
         self._edges: dict[str, int] = {}  # unwrapped increments
         names = parameters.axes if plan.each else parameters.axes[:1]
         self._probes = {
-            name: CommandStatus(f"{ticket.name} [{name}: probe]", partial(self._hear, name)) for name in names
+            name: CommandStatus(f"{ticket.name} [{name}: probe]", partial(self._on_probe, name))
+            for name in names
         }
-        self._line = CommandStatus(f"{ticket.name} [search]")
-        self._lead: Lead
-        self._do: Callable[[], None] = self._arm
+        self._motion_ticket = CommandStatus(f"{ticket.name} [search]")
+        self._move_both: MoveBoth
+        self._next_step: Callable[[], None] = self._arm
         self._arrived_at = math.inf
 
-    def begin(self, lead: Lead) -> None:
-        """Arm the touch probes; ``lead`` moves both axes along a line to given ends, at a velocity, for a ticket."""
-        self._lead = lead
+    def begin(self, move_both: MoveBoth) -> None:
+        """Arm the touch probes; ``move_both`` moves both axes along a line to given ends, at a velocity, for a ticket."""
+        self._move_both = move_both
         self._ticket.begin()
         plan = self._plan
         for name, ticket in self._probes.items():
@@ -95,7 +96,7 @@ class GantryHoming:
         if not self.busy:
             return
         try:
-            self._do()
+            self._next_step()
         except Exception as error:  # noqa: BLE001  # any exception ends this command and stops its axes
             self.give_up(broken(error, self.name))
 
@@ -104,7 +105,11 @@ class GantryHoming:
         if not self.busy:
             return
         for name, core in self._axes.items():
-            if self._line.busy and self._line.status is Status.ACTIVE and not isinstance(error, SkewError):
+            if (
+                self._motion_ticket.busy
+                and self._motion_ticket.status is Status.ACTIVE
+                and not isinstance(error, SkewError)
+            ):
                 stop = c.PolicyStop(f"{self.name} was stopped because {error.message}")
                 accept(core, stop, unattended(f"{name}.stop"))
         self._end(error)
@@ -117,24 +122,24 @@ class GantryHoming:
         self._require_probes()
         if not all(probe.status is Status.ACTIVE for probe in self._probes.values()):
             return
-        self._watch.bound = max(self._plan.skew, self._watch.bound)
-        ends = {name: self._led(name) + self._plan.distance for name in self._parameters.axes}
-        self._lead(ends, self._plan.velocity, self._line)
-        self._do = self._search
+        self._monitor.bound = max(self._plan.skew, self._monitor.bound)
+        ends = {name: self._demand_position(name) + self._plan.distance for name in self._parameters.axes}
+        self._move_both(ends, self._plan.velocity, self._motion_ticket)
+        self._next_step = self._search
 
     def _search(self) -> None:
         """Move both axes together; the second edge must come before the beam is too far out of square."""
-        if self._line.error is not None:
-            self._end(self._line.error)
+        if self._motion_ticket.error is not None:
+            self._end(self._motion_ticket.error)
         elif len(self._edges) == len(self._probes):
-            self._line = CommandStatus(f"{self.name} [halt]")
-            self._halt(self._line)
-            self._do = self._rest
+            self._motion_ticket = CommandStatus(f"{self.name} [halt]")
+            self._halt(self._motion_ticket)
+            self._next_step = self._rest
         else:
             self._require_probes()
             self._require_near()
-            if not self._line.busy:
-                self._look_once_more()
+            if not self._motion_ticket.busy:
+                self._wait_for_last_edge()
 
     def _halt(self, ticket: CommandStatus) -> None:
         children = [CommandStatus(ticket.name) for _ in self._axes]
@@ -144,49 +149,51 @@ class GantryHoming:
 
     def _rest(self) -> None:
         """At rest, reference both axes."""
-        self._require_undisturbed(f"{self._line.name} was asked for")
-        if self._line.busy:
+        self._require_undisturbed(f"{self._motion_ticket.name} was asked for")
+        if self._motion_ticket.busy:
             return
-        if self._line.error is not None:
-            self._end(self._line.error)
+        if self._motion_ticket.error is not None:
+            self._end(self._motion_ticket.error)
             return
         skew = self._found_skew()
         if abs(skew) > self._plan.skew:
-            raise self._too_skew(f"it is {abs(skew):.6g} {self._watch.unit} out of square")
-        self._count_anew()
-        self._watch.look()
+            raise self._disagreement(f"it is {abs(skew):.6g} {self._monitor.unit} out of square")
+        self._reference_positions()
+        self._monitor.update()
         if not self._plan.each:
             self._end(None)
             return
-        self._line = CommandStatus(f"{self.name} [square]")
+        self._motion_ticket = CommandStatus(f"{self.name} [square]")
         first, second = self._parameters.axes
-        here = self._within_limits(self._led(first))
-        self._lead({first: here, second: here + self._parameters.offset}, self._plan.velocity, self._line)
-        self._do = self._square
+        here = self._within_limits(self._demand_position(first))
+        self._move_both(
+            {first: here, second: here + self._parameters.offset}, self._plan.velocity, self._motion_ticket
+        )
+        self._next_step = self._square
 
-    def _within_limits(self, place: float) -> float:
-        """Return the position nearest to ``place`` that keeps a square beam in both axes' limits; switches are often outside."""
+    def _within_limits(self, position: float) -> float:
+        """Return the position nearest to ``position`` that keeps a square beam in both axes' limits; switches are often outside."""
         first, second = (self._axes[name].parameters.limits.position for name in self._parameters.axes)
         for limits, more in ((first, 0.0), (second, self._parameters.offset)):
             if limits is not None:
-                place = min(max(place, limits[0] - more), limits[1] - more)
-        return place
+                position = min(max(position, limits[0] - more), limits[1] - more)
+        return position
 
     def _square(self) -> None:
-        if self._line.busy:
+        if self._motion_ticket.busy:
             return
-        self._end(self._line.error)
+        self._end(self._motion_ticket.error)
 
     # -- measured values -----------------------------------------------------------------------------------------------
 
-    def _hear(self, name: str, probe: CommandStatus) -> None:
+    def _on_probe(self, name: str, probe: CommandStatus) -> None:
         if probe.capture is not None:
             self._edges.setdefault(name, probe.capture.position)
 
-    def _led(self, name: str) -> float:
-        place = led_place_of(self._axes[name])
-        assert place is not None  # the monitor has seen both
-        return place
+    def _demand_position(self, name: str) -> float:
+        position = demand_position_of(self._axes[name])
+        assert position is not None  # the monitor has seen both
+        return position
 
     def _found_skew(self) -> float:
         """Return the skew of the beam from both edges; with one switch, the beam is assumed to be square."""
@@ -202,17 +209,17 @@ class GantryHoming:
         assert here is not None
         return core.parameters.units.position.to_units(here - self._edges[name])
 
-    def _count_anew(self) -> None:
+    def _reference_positions(self) -> None:
         first, second = self._parameters.axes
-        place = self._since_edge(first) + self._plan.positions[0]
-        other = place + self._parameters.offset
+        position = self._since_edge(first) + self._plan.positions[0]
+        other = position + self._parameters.offset
         if self._plan.each:
             other = self._since_edge(second) + self._plan.positions[1]
-        for name, where in ((first, place), (second, other)):
+        for name, position_of_axis in ((first, position), (second, other)):
             core = self._axes[name]
             here = core.image.position
             assert here is not None
-            core.confirm_position(here - core.parameters.units.position.to_increments(where))
+            core.confirm_position(here - core.parameters.units.position.to_increments(position_of_axis))
 
     # -- errors --------------------------------------------------------------------------------------------------------
 
@@ -236,40 +243,41 @@ class GantryHoming:
 
     def _require_near(self) -> None:
         """Raise if one edge has come and the other has not come within the permitted skew."""
-        seen = next(iter(self._edges), None)
-        if seen is None or place_of(self._axes[seen]) is None:
+        found = next(iter(self._edges), None)
+        if found is None or actual_position_of(self._axes[found]) is None:
             return
         first, second = self._parameters.axes
-        gone = abs(self._since_edge(seen))
+        distance = abs(self._since_edge(found))
         switches = self._plan.positions[1] - self._plan.positions[0] - self._parameters.offset
         allowed = self._plan.skew + math.copysign(1.0, self._plan.distance) * (
-            switches if seen == first else -switches
+            switches if found == first else -switches
         )
         # The drive reports its edge with a small delay.
-        if gone > allowed + self._plan.velocity * _LATE:
-            missing = second if seen == first else first
-            raise self._too_skew(
-                f"{seen} has reached its switch, and {missing} has not within another {gone:.6g} {self._watch.unit}"
+        if distance > allowed + self._plan.velocity * _EDGE_DELAY:
+            missing = second if found == first else first
+            raise self._disagreement(
+                f"{found} has reached its switch, and {missing} has not within another {distance:.6g} {self._monitor.unit}"
             )
 
-    def _too_skew(self, observed: str) -> HomingError:
+    def _disagreement(self, observed: str) -> HomingError:
         first, second = self._parameters.axes
         return HomingError(
-            f"{self.name}: the switches of {first} and {second} do not agree within skew = {self._plan.skew:g} {self._watch.unit}",
+            f"{self.name}: the switches of {first} and {second} do not agree "
+            f"within skew = {self._plan.skew:g} {self._monitor.unit}",
             observed=observed,
             remedy="check both switches and their wiring (60FDh shows the inputs), and the beam; then correct positions or "
             f"skew in [gantries.{self._parameters.name}.homing]",
         )
 
-    def _look_once_more(self) -> None:
+    def _wait_for_last_edge(self) -> None:
         """After the end of the line, wait for an edge that may not have been received yet, then raise HomingError."""
         now = max(core.image.now for core in self._axes.values())
         self._arrived_at = min(self._arrived_at, now)
-        if now < self._arrived_at + _LATE:
+        if now < self._arrived_at + _EDGE_DELAY:
             return
         missing = [name for name in self._probes if name not in self._edges]
         raise HomingError(
-            f"{self.name}: a switch was not found within {abs(self._plan.distance):g} {self._watch.unit}",
+            f"{self.name}: a switch was not found within {abs(self._plan.distance):g} {self._monitor.unit}",
             observed=f"not found: the switch of {' and '.join(missing)}",
             remedy="check the switch and its wiring (60FDh shows the inputs), and distance and edge in "
             f"[gantries.{self._parameters.name}.homing]",
@@ -280,7 +288,7 @@ class GantryHoming:
             if probe.busy:
                 abort = c.ProbeAbort(self._plan.input, self._command.key)
                 accept(self._axes[name], abort, CommandStatus(f"{self.name} [abort]"))
-        self._watch.narrow()
+        self._monitor.restore_bound()
         self._ticket.finish(Status.DONE if error is None else end_as(error), error)
 
 

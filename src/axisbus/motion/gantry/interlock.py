@@ -21,9 +21,9 @@ _HARMLESS = (
     c.HaltSuperimposed,
 )
 
-_WAYS = (MoveLinear, MovePath, GroupContinue)
+_PATH_COMMANDS = (MoveLinear, MovePath, GroupContinue)
 _NEAR = 1e-6  # units
-_LOOKS = 64  # positions of a path that are checked, in addition to its segment boundaries
+_SAMPLES = 64  # positions of a path that are checked, in addition to its segment boundaries
 
 
 class Pairs:
@@ -48,7 +48,7 @@ class Pairs:
         if isinstance(target, str) and target in self.by_name:
             return None
         moved = (self._of[axis] for axis in axes if axis in self._of and self._moves(command, axis))
-        pair = next((pair for pair in moved if not leads_together(command, pair)), None)
+        pair = next((pair for pair in moved if not moves_together(command, pair)), None)
         if pair is None:
             return None
         return StateError(
@@ -57,13 +57,15 @@ class Pairs:
             remedy=f"move the pair in a program (gantry {pair.name} of the machine); one of them alone, slowly, by its square",
         )
 
-    def led(self, target: object, command: object, axes: Iterable[str]) -> list[str]:
+    def pairs_moved(self, target: object, command: object, axes: Iterable[str]) -> list[str]:
         """Return the names of the pairs that a path of a group other than the pair's own moves together with other axes."""
         if target in self.by_name:
             return []
-        return list({self._of[axis].name for axis in axes if axis in self._of and isinstance(command, _WAYS)})
+        return list(
+            {self._of[axis].name for axis in axes if axis in self._of and isinstance(command, _PATH_COMMANDS)}
+        )
 
-    def left_out(
+    def partner_stops(
         self, command: object, axes: Collection[str], there: Collection[str]
     ) -> dict[str, c.Command]:
         """Return the stop commands for the other axis of each pair, if ``command`` stops only one axis of the pair.
@@ -81,19 +83,19 @@ class Pairs:
         return not isinstance(_own(command, axis), (*_STOPS, *_HARMLESS))
 
 
-def leads_together(command: object, pair: GantryParameters) -> bool:
+def moves_together(command: object, pair: GantryParameters) -> bool:
     """Return whether a path of a group moves both axes of a pair as one: never far from square, and square at its end."""
-    if not isinstance(command, _WAYS) or not set(pair.axes) <= set(command.axes):
+    if not isinstance(command, _PATH_COMMANDS) or not set(pair.axes) <= set(command.axes):
         return False
     if isinstance(command, MoveLinear):
         return abs(command.ends[pair.second] - command.ends[pair.first] - pair.offset) <= _NEAR
     if isinstance(command, GroupContinue):
         return True  # it was checked when it began
-    way, (first, second) = command.way, (command.axes.index(axis) for axis in pair.axes)
-    places = [way.at(way.length * number / _LOOKS) for number in range(_LOOKS + 1)]
-    places += [way.at(start) for start in way.starts]
-    off = [abs(place[second] - place[first] - pair.offset) for place in places]
-    return off[_LOOKS] <= _NEAR and max(off) <= 0.5 * pair.max_skew
+    path, (first, second) = command.path, (command.axes.index(axis) for axis in pair.axes)
+    samples = [path.at(path.length * number / _SAMPLES) for number in range(_SAMPLES + 1)]
+    samples += [path.at(start) for start in path.starts]
+    off = [abs(coordinates[second] - coordinates[first] - pair.offset) for coordinates in samples]
+    return off[_SAMPLES] <= _NEAR and max(off) <= 0.5 * pair.max_skew
 
 
 def _own(command: object, axis: str) -> object:

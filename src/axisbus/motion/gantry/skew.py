@@ -26,17 +26,17 @@ _REMEDY = (
 _FRESH = 3.5  # cycles: an older position is reported as outdated
 
 
-def place_of(core: AxisCore) -> float | None:
+def actual_position_of(core: AxisCore) -> float | None:
     """Return the actual position of an axis in its unit; None if it is unknown."""
     position = core.image.position
     return None if position is None else core.parameters.units.position.to_units(position - core.image.origin)
 
 
-def led_place_of(core: AxisCore) -> float | None:
+def demand_position_of(core: AxisCore) -> float | None:
     """Return the demand position (6062h) of an axis in its unit if it is known, otherwise the actual position."""
     image = core.image
-    place = image.position if image.demand is None else image.demand
-    return None if place is None else core.parameters.units.position.to_units(place - image.origin)
+    position = image.position if image.demand is None else image.demand
+    return None if position is None else core.parameters.units.position.to_units(position - image.origin)
 
 
 class SkewMonitor:
@@ -47,7 +47,7 @@ class SkewMonitor:
         self.skew: float | None = None
         self._parameters = parameters
         self._first, self._second = first, second
-        self._taken: float | None = (
+        self._reference_difference: float | None = (
             None  # the difference when both were first seen, if the positions are not confirmed
         )
 
@@ -57,30 +57,34 @@ class SkewMonitor:
         return all(core.homed or not core.parameters.homing.required for core in (self._first, self._second))
 
     @property
-    def wide(self) -> bool:
+    def is_widened(self) -> bool:
         """Whether more than ``max_skew`` is permitted now."""
         return self.bound > self._parameters.max_skew
 
-    def narrow(self) -> None:
+    def restore_bound(self) -> None:
         """Restore ``max_skew`` as the bound."""
         self.bound = self._parameters.max_skew
 
     @property
     def square(self) -> float:
         """Position of the second axis minus that of the first if the beam is square."""
-        return self._parameters.offset if self.confirmed or self._taken is None else self._taken
+        return (
+            self._parameters.offset
+            if self.confirmed or self._reference_difference is None
+            else self._reference_difference
+        )
 
-    def look(self) -> None:
+    def update(self) -> None:
         """Compute the skew from the positions of the previous cycle; once per cycle, before the axes."""
         first, second = self._first, self._second
-        a, b = place_of(first), place_of(second)
+        a, b = actual_position_of(first), actual_position_of(second)
         if a is None or b is None or not (first.image.operational and second.image.operational):
-            self._taken = self.skew = None
+            self._reference_difference = self.skew = None
             return
         if self.confirmed:
-            self._taken = None
-        elif self._taken is None:
-            self._taken = b - a - (self.skew or 0.0)  # keep the skew that was known before
+            self._reference_difference = None
+        elif self._reference_difference is None:
+            self._reference_difference = b - a - (self.skew or 0.0)  # keep the skew that was known before
         self.skew = b - a - self.square
 
     @property
@@ -88,7 +92,7 @@ class SkewMonitor:
         """Whether this program drives the motor of either axis."""
         return any(core.touched and core.image.state in ENERGISED for core in (self._first, self._second))
 
-    def finding(self) -> SkewError | None:
+    def present_error(self) -> SkewError | None:
         """Return the error for an energised beam in this cycle; None if there is none, or if the beam is not energised."""
         if not self.energised or not self.failing():
             return None
@@ -99,8 +103,8 @@ class SkewMonitor:
     def failing(self) -> list[AxisCore]:
         """Return the axes that a skew error must stop; an axis that is being stopped because the other has failed is left out."""
         both = (self._first, self._second)
-        fine = [core for core in both if core.state is not AxisState.ERRORSTOP]
-        return [core for core in fine if len(fine) == len(both) or core.ladder is None]
+        healthy = [core for core in both if core.state is not AxisState.ERRORSTOP]
+        return [core for core in healthy if len(healthy) == len(both) or core.ladder is None]
 
     def error(self, what: str) -> SkewError:
         """Return the error: the beam is out of square, or its skew is unknown. ``what``: what happened because of it."""
@@ -108,12 +112,12 @@ class SkewMonitor:
         if self.skew is None:
             return SkewError(
                 f"{what}, because the skew of the beam is unknown",
-                observed=self.places,
+                observed=self.positions_text,
                 remedy=f"find out why a position is unknown: both must arrive in each cycle; then {name}.reset()",
             )
         return SkewError(
             f"{what}, because the beam is {abs(self.skew):.6g} {self.unit} out of square; {self.bound:.6g} are allowed",
-            observed=self.places,
+            observed=self.positions_text,
             remedy=_REMEDY.format(name=name),
         )
 
@@ -123,14 +127,14 @@ class SkewMonitor:
         return self._first.parameters.units.position.unit
 
     @property
-    def places(self) -> str:
+    def positions_text(self) -> str:
         """The positions of both axes as text."""
         texts = []
         for core in (self._first, self._second):
-            place = place_of(core)
+            position = actual_position_of(core)
             age = core.image.now - core.image.position_stamp
-            known = "unknown" if place is None else f"{place:.6g} {self.unit}"
-            if place is not None and age > _FRESH * core.parameters.scan_period:
+            known = "unknown" if position is None else f"{position:.6g} {self.unit}"
+            if position is not None and age > _FRESH * core.parameters.scan_period:
                 known += f" as of {age * 1000:.0f} ms ago"
             texts.append(f"{core.parameters.name} at {known}")
         apart = f"the second {self.square:.6g} {self.unit} farther is square"

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from axisbus.motion import commands as c
 from axisbus.motion.blending.mode import BufferMode
-from axisbus.motion.coupling.definition import By, Entry, Law
+from axisbus.motion.coupling.definition import Entry, Law, MasterValue
 from axisbus.motion.gantry.commands import GantryCommand
 from axisbus.motion.group.path import Path
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
@@ -59,14 +59,14 @@ class PathTransition:
 
 @dataclass(frozen=True, slots=True)
 class MovePath:
-    """MC_MovePath, MC_MoveCircularAbsolute: along the path ``way``, which begins at the axes' position, with ``velocity``.
+    """MC_MovePath, MC_MoveCircularAbsolute: along the path ``path``, which begins at the axes' position, with ``velocity``.
 
     ``window``: number of cycles to average over; more than one if the jerk is limited. ``buffer``: as in ``MoveLinear``. With
     ``takeover`` the path is appended to the active path.
     """
 
     axes: tuple[str, ...]
-    way: Path
+    path: Path
     velocity: float
     window: int = 1
     buffer: bool = False
@@ -116,7 +116,7 @@ class Couple:
     slave: str
     law: Law
     entry: Entry
-    by: By = By.COMMAND
+    master_value: MasterValue = MasterValue.COMMAND
 
     @property
     def axes(self) -> tuple[str, ...]:

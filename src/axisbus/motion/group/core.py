@@ -30,10 +30,10 @@ from axisbus.motion.group.commands import (
     ProbeMove,
 )
 from axisbus.motion.group.group_command import ActiveGroupCommand
-from axisbus.motion.group.path_motion import MOST, PathMotion
+from axisbus.motion.group.path_motion import MAX_SEGMENTS, PathMotion
 from axisbus.motion.group.start_barrier import OPEN, StartBarrier
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.override import FASTER, require_factor
+from axisbus.motion.override import MAX_OVERRIDE, require_factor
 from axisbus.motion.point_stream.commands import AddPoints, FollowPoints
 from axisbus.motion.point_stream.stream import PointStreamMotion
 from axisbus.motion.probing.probe_move import ProbeSearch
@@ -47,7 +47,7 @@ Begin = Callable[[AxisCore, Follow, CommandStatus], None]
 # -- Errors of a group motion that cannot be appended to the active motion, with their remedies ------------------------
 
 
-COMMANDS = 100  # that share one motion
+MAX_COMMANDS = 100  # that share one motion
 
 
 def no_path_to_extend(name: str) -> StateError:
@@ -59,7 +59,7 @@ def no_path_to_extend(name: str) -> StateError:
     )
 
 
-def not_a_line(name: str) -> StateError:
+def not_blendable(name: str) -> StateError:
     """Return the error if the active command cannot be blended into the requested one."""
     return StateError(
         f"{name}: the present motion of the group cannot be blended with the next one",
@@ -68,18 +68,18 @@ def not_a_line(name: str) -> StateError:
     )
 
 
-def require_joint(line: PathMotion, following: PathContinuation, name: str) -> None:
-    """Raise StateError if ``following`` cannot be appended to ``line``, or if too many commands or segments are ahead."""
-    if line.commands >= COMMANDS or line.pieces + len(following.way.pieces) > MOST:
+def require_appendable(motion: PathMotion, following: PathContinuation, name: str) -> None:
+    """Raise StateError if ``following`` cannot be appended to ``motion``, or if too many commands or segments are ahead."""
+    if motion.commands >= MAX_COMMANDS or motion.segments + len(following.path.segments) > MAX_SEGMENTS:
         raise StateError(
             f"{name}: too many commands are blended into this motion already",
             observed=(
-                f"{counted(line.commands, 'command')}, segments of the path: {line.pieces}; the limits are {COMMANDS} and "
-                f"{MOST}"
+                f"{counted(motion.commands, 'command')}, segments of the path: {motion.segments}; the limits are {MAX_COMMANDS} "
+                f"and {MAX_SEGMENTS}"
             ),
             remedy="wait for some of their handles before you give more commands",
         )
-    why = line.why_not(following)
+    why = motion.why_not(following)
     if why:
         raise StateError(
             f"{name}: the present motion of the group cannot be blended with the next one",
@@ -108,8 +108,8 @@ class GroupCore:
         """``axes`` by name; ``period``: scan period in seconds."""
         self.axes = axes
         self._period = period
-        self._under_way: list[ActiveGroupCommand | ProbeSearch] = []
-        self._line: PathMotion | PointStreamMotion | None = (
+        self._active: list[ActiveGroupCommand | ProbeSearch] = []
+        self._last_motion: PathMotion | PointStreamMotion | None = (
             None  # the last one, also after it was interrupted
         )
         self._factor = 1.0
@@ -126,20 +126,20 @@ class GroupCore:
 
     def step(self) -> None:
         """Advance all active commands; called once per cycle, before the axes step."""
-        for undertaking in list(self._under_way):  # a command that waits may begin during this loop
-            was_busy = undertaking.busy
-            if isinstance(undertaking.line, (PathMotion, PointStreamMotion)):
-                undertaking.line.travel.factor = self._factor_of(undertaking.line)
-            undertaking.step(self._period)
-            if isinstance(undertaking.line, PointStreamMotion):
-                self._look_at_stream(undertaking.line, undertaking.busy)
-            elif isinstance(undertaking.line, PathMotion):
-                self._ended = undertaking.line.take_news() or self._ended
-            if undertaking.busy is not was_busy:
+        for active in list(self._active):  # a command that waits may begin during this loop
+            was_busy = active.busy
+            if isinstance(active.motion, (PathMotion, PointStreamMotion)):
+                active.motion.travel.factor = self._factor_of(active.motion)
+            active.step(self._period)
+            if isinstance(active.motion, PointStreamMotion):
+                self._update_stream(active.motion, active.busy)
+            elif isinstance(active.motion, PathMotion):
+                self._ended = active.motion.take_ended() or self._ended
+            if active.busy is not was_busy:
                 self._ended = True
-                self._go_on_after(undertaking)
-        if self._under_way:
-            self._under_way = [undertaking for undertaking in self._under_way if not undertaking.is_over]
+                self._begin_next_after(active)
+        if self._active:
+            self._active = [active for active in self._active if not active.is_over]
 
     def take_ended(self) -> bool:
         """Return whether a ticket of the group has ended since the last call."""
@@ -149,40 +149,40 @@ class GroupCore:
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End all active commands because the scan has ended; ``ended`` makes the error from the command's name."""
         self._queue.drop("the motion before it", None)
-        for undertaking in self._under_way:
-            if isinstance(undertaking.line, PointStreamMotion):
-                undertaking.line.close()
-            undertaking.abandon(ended(undertaking.name))
+        for active in self._active:
+            if isinstance(active.motion, PointStreamMotion):
+                active.motion.close()
+            active.abandon(ended(active.name))
 
     def forget(self) -> None:
         """Forget the last motion: an axis has begun again, so there is nothing to continue."""
-        self._line = None
+        self._last_motion = None
 
     def brake_hard(self, names: Collection[str]) -> None:
         """Let active straight lines that command any axis of ``names`` brake, if they brake, as hard as all their axes permit."""
-        for undertaking in self._under_way:
-            line = undertaking.line
-            if isinstance(line, PathMotion) and not set(names).isdisjoint(line.names):
-                line.brake_hard()
+        for active in self._active:
+            motion = active.motion
+            if isinstance(motion, PathMotion) and not set(names).isdisjoint(motion.names):
+                motion.brake_hard()
 
     def _for_each(self, command: ForEach, ticket: CommandStatus) -> None:
         if any(isinstance(each, _ENDS_ALL) for each in command.commands.values()):
             self._queue.drop("the motion before it", Stopped(f"{ticket.name} was asked for"))
         if command.together:
             self._require_each(command, ticket)
-        undertaking = ActiveGroupCommand(ticket, self.axes, StartBarrier() if command.together else OPEN)
-        self._undertake(undertaking, lambda: self._tell_each(command, undertaking))
+        active = ActiveGroupCommand(ticket, self.axes, StartBarrier() if command.together else OPEN)
+        self._start(active, lambda: self._begin_each(command, active))
 
     def _require_each(self, command: ForEach, ticket: CommandStatus) -> None:
         """Raise the error of an axis that rejects the command, before any other axis begins it."""
         for name, each in command.commands.items():
             require(self.axes[name], each, CommandStatus(f"{ticket.name} [{name}]"))
 
-    def _tell_each(self, command: ForEach, undertaking: ActiveGroupCommand) -> None:
+    def _begin_each(self, command: ForEach, active: ActiveGroupCommand) -> None:
         for name, axis_command in command.commands.items():
-            accept(self.axes[name], axis_command, undertaking.child(name), undertaking.gate)
+            accept(self.axes[name], axis_command, active.child(name), active.gate)
 
-    def _go_on_after(self, ended: EndedGroupCommand) -> None:
+    def _begin_next_after(self, ended: EndedGroupCommand) -> None:
         """Begin the first waiting command when no command is active; if ``ended`` has failed, drop all waiting commands."""
         if ended.error is not None:
             self._queue.drop(ended.name, ended.error)
@@ -191,7 +191,7 @@ class GroupCore:
 
     @property
     def _is_busy(self) -> bool:
-        return any(undertaking.busy for undertaking in self._under_way)
+        return any(active.busy for active in self._active)
 
     def _move_along(self, command: MoveLinear | MovePath, ticket: CommandStatus) -> None:
         if isinstance(command, MovePath) and command.takeover is not None:
@@ -203,7 +203,7 @@ class GroupCore:
             return
         self._require_rest(command.axes, ticket)
         gate = StartBarrier()
-        self._go_along(PathMotion(command, self.axes, gate), gate, ticket)
+        self._begin_motion(PathMotion(command, self.axes, gate), gate, ticket)
 
     def _take_over(self, command: MovePath, takeover: PathTransition, ticket: CommandStatus) -> None:
         """Append a path to the active command without a stop. If no command is active, begin the path from standstill."""
@@ -214,23 +214,23 @@ class GroupCore:
                 raise no_path_to_extend(ticket.name)
             self._move_along(plain, ticket)
             return
-        undertaking = self._to_join(command, takeover, ticket)
-        line = undertaking.line
-        assert isinstance(line, PathMotion)
+        active = self._extendable_command(command, takeover, ticket)
+        motion = active.motion
+        assert isinstance(motion, PathMotion)
         if (
-            line.is_at_its_end or not undertaking.leads_all()
+            motion.is_at_its_end or not active.commands_all()
         ):  # it comes to rest, so there is no velocity to maintain
             ticket.note = began_from_rest("it came after the end of the previous command")
             self._move_along(replace(plain, buffer=True), ticket)
             return
-        following = PathContinuation(command.way, command.velocity, takeover.mode, takeover.blend)
-        require_joint(line, following, ticket.name)
+        following = PathContinuation(command.path, command.velocity, takeover.mode, takeover.blend)
+        require_appendable(motion, following, ticket.name)
         try:
-            line.join(following, undertaking.pass_on(ticket), ticket)
+            motion.join(following, active.hand_over(ticket), ticket)
         except Exception as error:  # noqa: BLE001  # any exception ends this motion
-            undertaking.break_off(broken(error, ticket.name))
+            active.break_off(broken(error, ticket.name))
 
-    def _to_join(
+    def _extendable_command(
         self, command: MovePath, takeover: PathTransition, ticket: CommandStatus
     ) -> ActiveGroupCommand:
         """Return the active command if it is one path that ``command`` can extend.
@@ -238,80 +238,82 @@ class GroupCore:
         Raises:
             StateError: several commands are active or wait, or the active command is not a path of the same axes.
         """
-        busy = [each for each in self._under_way if each.busy]
+        busy = [each for each in self._active if each.busy]
         if len(busy) == 1 and not self._queue and isinstance(busy[0], ActiveGroupCommand):
-            line = busy[0].line
-            if isinstance(line, PathMotion) and line.names == command.axes:
+            motion = busy[0].motion
+            if isinstance(motion, PathMotion) and motion.names == command.axes:
                 return busy[0]
         if takeover.extends:
             raise no_path_to_extend(ticket.name)
-        raise not_a_line(ticket.name)
+        raise not_blendable(ticket.name)
 
     def _continue(self, command: GroupContinue, ticket: CommandStatus) -> None:
-        left = self._line
-        if left is None:
+        last = self._last_motion
+        if last is None:
             raise StateError(
                 f"{ticket.name}: there is no line to continue",
                 remedy="begin one: group.move_linear(positions, velocity=...)",
             )
-        if command.stream is not None and getattr(left, "number", None) != command.stream:
+        if command.stream is not None and getattr(last, "number", None) != command.stream:
             raise StateError(
                 f"{ticket.name}: the axes have run another command since then",
                 remedy="begin a new stream at the present position of the axes",
             )
-        if any(undertaking.line is left and undertaking.busy for undertaking in self._under_way):
+        if any(active.motion is last and active.busy for active in self._active):
             raise StateError(f"{ticket.name}: the line still runs, so there is nothing to continue")
         fed = command.stream is not None
-        if left.is_at_its_end and not (fed and isinstance(left, PointStreamMotion) and left.goes_on):
+        if last.is_at_its_end and not (fed and isinstance(last, PointStreamMotion) and last.expects_points):
             raise StateError(f"{ticket.name}: the line has ended, so there is nothing to continue")
-        self._require_rest(left.names, ticket)
-        if isinstance(left, PointStreamMotion):
-            stream = left.again(self.axes, ticket.name, fed=fed)
-            self._go_along(stream, stream.gate, ticket)
+        self._require_rest(last.names, ticket)
+        if isinstance(last, PointStreamMotion):
+            stream = last.resumed(self.axes, ticket.name, fed=fed)
+            self._begin_motion(stream, stream.gate, ticket)
             return
         gate = StartBarrier()
-        self._go_along(left.again(gate, self.axes, ticket.name), gate, ticket)
+        self._begin_motion(last.resumed(gate, self.axes, ticket.name), gate, ticket)
 
     def _follow_points(self, command: FollowPoints, ticket: CommandStatus) -> None:
         self._require_rest(command.axes, ticket)
         stream = PointStreamMotion(command, self.axes, ticket.name)
-        self._go_along(stream, stream.gate, ticket)
+        self._begin_motion(stream, stream.gate, ticket)
 
     def _add_points(self, command: AddPoints, ticket: CommandStatus) -> None:
         """Append points to a running stream. Points for an ended stream are ignored: its own ticket has given the reason."""
-        for undertaking in self._under_way:
-            stream = undertaking.line
-            if undertaking.busy and isinstance(stream, PointStreamMotion) and stream.number == command.stream:
+        for active in self._active:
+            stream = active.motion
+            if active.busy and isinstance(stream, PointStreamMotion) and stream.number == command.stream:
                 stream.add(command, ticket)
                 return
         ticket.finish(Status.ABORTED)
 
-    def _look_at_stream(self, stream: PointStreamMotion, busy: bool) -> None:
+    def _update_stream(self, stream: PointStreamMotion, busy: bool) -> None:
         if not busy:
             stream.close()
-        self._ended = stream.take_news() or self._ended
+        self._ended = stream.take_ended() or self._ended
 
     def _set_override(self, command: GroupSetOverride, ticket: CommandStatus) -> None:
         require_factor(command.factor, ticket.name)
         self._factor = command.factor
         ticket.finish(Status.DONE)
 
-    def _go_along(
-        self, line: PathMotion | PointStreamMotion, gate: StartBarrier, ticket: CommandStatus
+    def _begin_motion(
+        self, motion: PathMotion | PointStreamMotion, gate: StartBarrier, ticket: CommandStatus
     ) -> None:
-        line.travel.factor = self._factor_of(line)
-        undertaking = ActiveGroupCommand(ticket, self.axes, gate, line)
-        self._line = line
-        self._undertake(undertaking, lambda: self._lead(line.follows, begin_follow, undertaking))
+        motion.travel.factor = self._factor_of(motion)
+        active = ActiveGroupCommand(ticket, self.axes, gate, motion)
+        self._last_motion = motion
+        self._start(active, lambda: self._begin_children(motion.follows, begin_follow, active))
 
-    def _factor_of(self, line: PathMotion | PointStreamMotion) -> float:
+    def _factor_of(self, motion: PathMotion | PointStreamMotion) -> float:
         """Return a path's override: the group's factor times the lowest of its axes, so that no axis is slowed alone."""
-        lowest = min(self.axes[name].override.factor for name in line.follows)
-        return min(self._factor * lowest, FASTER)
+        lowest = min(self.axes[name].override.factor for name in motion.follows)
+        return min(self._factor * lowest, MAX_OVERRIDE)
 
-    def _lead(self, follows: Mapping[str, Follow], begin: Begin, undertaking: ActiveGroupCommand) -> None:
+    def _begin_children(
+        self, follows: Mapping[str, Follow], begin: Begin, active: ActiveGroupCommand
+    ) -> None:
         for name, follow in follows.items():
-            core, child = self.axes[name], undertaking.child(name)
+            core, child = self.axes[name], active.child(name)
             try:
                 begin(core, follow, child)
             except AxisbusError as error:
@@ -320,30 +322,30 @@ class GroupCore:
     def _couple(self, command: Couple, ticket: CommandStatus) -> None:
         master, slave = self.axes[command.master], self.axes[command.slave]
         require_no_ring(master, slave, ticket.name)
-        joint = Engagement(command, master, slave, self._period, path_of(slave))
-        undertaking = ActiveGroupCommand(ticket, self.axes, OPEN, joint)
-        self._undertake(undertaking, lambda: self._begin_coupled(slave, joint, undertaking))
+        engagement = Engagement(command, master, slave, self._period, path_of(slave))
+        active = ActiveGroupCommand(ticket, self.axes, OPEN, engagement)
+        self._start(active, lambda: self._begin_coupled(slave, engagement, active))
 
-    def _begin_coupled(self, slave: AxisCore, joint: Engagement, undertaking: ActiveGroupCommand) -> None:
-        child = undertaking.child(slave.parameters.name)
+    def _begin_coupled(self, slave: AxisCore, engagement: Engagement, active: ActiveGroupCommand) -> None:
+        child = active.child(slave.parameters.name)
         try:
-            begin_coupled(slave, joint.follow, child)
+            begin_coupled(slave, engagement.follow, child)
         except AxisbusError as error:
             slave.finish(child, error)
 
-    def _search(self, command: ProbeMove, ticket: CommandStatus) -> None:
+    def _begin_search(self, command: ProbeMove, ticket: CommandStatus) -> None:
         search = ProbeSearch(ticket, self.axes[command.axis], command)
         search.begin()
-        self._under_way.append(search)
+        self._active.append(search)
 
-    def _undertake(self, undertaking: ActiveGroupCommand, begin: Callable[[], None]) -> None:
+    def _start(self, active: ActiveGroupCommand, begin: Callable[[], None]) -> None:
         """Begin a command. If an exception occurs, break off the command, so that no axis moves alone."""
-        self._under_way.append(undertaking)
+        self._active.append(active)
         try:
             begin()
         except Exception as error:  # noqa: BLE001  # any exception ends this command
-            undertaking.break_off(broken(error, undertaking.name))
-        undertaking.gather()
+            active.break_off(broken(error, active.name))
+        active.gather()
 
     def _require_no_stop(self, names: Sequence[str], ticket: CommandStatus) -> None:
         """Raise StateError if an axis is being stopped: after a halt, no command begins automatically."""
@@ -375,5 +377,5 @@ _ACCEPT: dict[type, Callable[[GroupCore, Any, CommandStatus], None]] = {
     Couple: GroupCore._couple,
     FollowPoints: GroupCore._follow_points,
     AddPoints: GroupCore._add_points,
-    ProbeMove: GroupCore._search,
+    ProbeMove: GroupCore._begin_search,
 }

@@ -40,7 +40,7 @@ class GroupSetPointSource(Protocol):
         """Whether it is planned, so that it commands the axes."""
 
     @property
-    def gives_up(self) -> AxisbusError | None:
+    def abort_error(self) -> AxisbusError | None:
         """The error because of which the source itself stops the motion, or None; all axes are then braked along their path."""
 
     def step(self, period: float, begins: bool, name: str) -> None:
@@ -49,7 +49,7 @@ class GroupSetPointSource(Protocol):
         ``begins``: all axes may begin. ``name``: the command's name, for error messages.
         """
 
-    def leads(self) -> bool:
+    def take_commanded(self) -> bool:
         """Return whether any axis was commanded by this source since the last call."""
 
 
@@ -61,16 +61,16 @@ class ActiveGroupCommand:
         ticket: CommandStatus,
         axes: Mapping[str, AxisCore],
         gate: StartBarrier = OPEN,
-        line: GroupSetPointSource | None = None,
+        motion: GroupSetPointSource | None = None,
     ) -> None:
         """``axes``: the axes of the group, by name."""
         self.gate = gate
         self._ticket = ticket
         self._axes = axes
-        self._line = line
+        self._motion = motion
         self._children: dict[str, CommandStatus] = {}
-        self._goes_on: set[str] = set()  # axes that began a queued command when their child ended
-        self._called_off = False
+        self._continuing: set[str] = set()  # axes that began a queued command when their child ended
+        self._cancelled = False
         self._reason: AxisbusError | None = None  # the reason, if no axis's own error gives it
         ticket.begin()
 
@@ -79,12 +79,12 @@ class ActiveGroupCommand:
         """The ticket of the command."""
         return self._ticket
 
-    def leads_all(self) -> bool:
+    def commands_all(self) -> bool:
         """Return whether every axis still executes its child, and no axis has dropped out."""
-        under_way = all(child.busy for child in self._children.values())
-        return self.busy and under_way and not self._called_off and self._dropped_out() is None
+        executing = all(child.busy for child in self._children.values())
+        return self.busy and executing and not self._cancelled and self._dropped_out() is None
 
-    def pass_on(self, ticket: CommandStatus) -> CommandStatus:
+    def hand_over(self, ticket: CommandStatus) -> CommandStatus:
         """Become the motion of another command, which has been appended; return the previous command's ticket."""
         before, self._ticket = self._ticket, ticket
         return before
@@ -99,7 +99,7 @@ class ActiveGroupCommand:
     def _note_next(self, axis: str) -> None:
         """Note an axis that begins a queued command at the end of its part: the user has requested it, so it is no interruption."""
         if self._axes[axis].queue:
-            self._goes_on.add(axis)
+            self._continuing.add(axis)
 
     def step(self, period: float) -> None:
         """Once per cycle, before the axes step: check for axes that dropped out, open the barrier, plan or advance the path."""
@@ -122,7 +122,7 @@ class ActiveGroupCommand:
     @property
     def is_over(self) -> bool:
         """Whether the ticket has ended, and the command's path no longer commands any axis."""
-        return not self._ticket.busy and (self._line is None or not self._line.leads())
+        return not self._ticket.busy and (self._motion is None or not self._motion.take_commanded())
 
     def gather(self) -> None:
         """End the ticket when every child has ended."""
@@ -134,19 +134,19 @@ class ActiveGroupCommand:
 
     def break_off(self, error: AxisbusError) -> None:
         """End the command with ``error``: axes that have not begun do not begin, and axes that move along the path are stopped."""
-        moving = self._line is not None and self._line.planned
-        self._reason, self._line, self._called_off = error, None, True
+        moving = self._motion is not None and self._motion.planned
+        self._reason, self._motion, self._cancelled = error, None, True
         self.gate.shut()
         for axis in self._own():
             if moving:
-                self._axes[axis].break_off(_again(error))
+                self._axes[axis].break_off(_copy_of(error))
             else:
                 self._stop(axis, error.message)
 
     @property
-    def line(self) -> GroupSetPointSource | None:
+    def motion(self) -> GroupSetPointSource | None:
         """The source of the axes' set-points, such as a path; None if there is none."""
-        return self._line
+        return self._motion
 
     def abandon(self, error: AxisbusError) -> None:
         """End the ticket with ``error``: the scan has ended."""
@@ -158,19 +158,19 @@ class ActiveGroupCommand:
         return self._ticket.name
 
     def _go_on(self, period: float) -> None:
-        self._call_off()
+        self._stop_others()
         if self._reason is None and self._ticket.busy and self.gate is not OPEN:
             self._reason = self._left_early()
         if not self.gate.is_open:
             self.gate.update(sum(child.busy for child in self._children.values()))
-        if self._line is not None:
-            self._line.step(period, self.gate.is_open, self._ticket.name)
+        if self._motion is not None:
+            self._motion.step(period, self.gate.is_open, self._ticket.name)
 
-    def _call_off(self) -> None:
+    def _stop_others(self) -> None:
         """Stop the other axes if one has dropped out: no axis starts alone or continues along a path that another axis has left."""
-        if self._called_off or not self._ticket.busy or (self.gate.is_open and self._line is None):
+        if self._cancelled or not self._ticket.busy or (self.gate.is_open and self._motion is None):
             return
-        failure = None if self._line is None else self._line.gives_up
+        failure = None if self._motion is None else self._motion.abort_error
         cause = failure or self._dropped_out()
         if cause is None:
             return
@@ -180,7 +180,7 @@ class ActiveGroupCommand:
             self._reason = failure
         elif isinstance(cause, Interrupted):
             self._reason = type(cause)(reason, remedy=_TOGETHER)
-        self._called_off = True
+        self._cancelled = True
         self.gate.shut()
         for axis in self._own():
             self._stop(axis, reason)
@@ -198,10 +198,10 @@ class ActiveGroupCommand:
         """Return the error if an axis whose child is done no longer holds its final position; None if all do."""
         for axis, child in self._children.items():
             core, name = self._axes[axis], self._ticket.name
-            if child.status is not Status.DONE or axis in self._goes_on:
+            if child.status is not Status.DONE or axis in self._continuing:
                 continue
             if core.state is AxisState.ERRORSTOP:
-                return None if core.error is None else _again(core.error)
+                return None if core.error is None else _copy_of(core.error)
             if core.ladder is not None or core.state is AxisState.DISABLED:
                 return Stopped(f"{name}: {axis} was stopped before the other axes had reached their ends")
             other = core.running.ticket
@@ -219,11 +219,11 @@ class ActiveGroupCommand:
         accept(self._axes[axis], c.PolicyStop(reason), unattended(f"{axis}.stop"))
 
 
-def _again(error: AxisbusError) -> AxisbusError:
+def _copy_of(error: AxisbusError) -> AxisbusError:
     """Return a copy of the error for one axis, to which the axis may add observations of its drive."""
-    again = copy(error)
-    again.__cause__ = error.__cause__
-    return again
+    copied = copy(error)
+    copied.__cause__ = error.__cause__
+    return copied
 
 
 def _worst(errors: list[AxisbusError]) -> AxisbusError | None:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from axisbus.motion.group.segments import Place
+from axisbus.motion.group.segments import Coordinates
 
 _COS, _SIN = (
     (1.0, -0.5, -0.5),
@@ -27,12 +27,12 @@ class CoreXY:
         """Distance over which the ratios of axis speed to path speed vary: infinite, because they are constant."""
         return math.inf
 
-    def forward(self, axes: Place) -> Place:
+    def forward(self, axes: Coordinates) -> Coordinates:
         """Return the workspace position for axis positions."""
         a, b, *rest = axes
         return (0.5 * (a + b), 0.5 * (a - b), *rest)
 
-    def inverse(self, place: Place) -> Place:
+    def inverse(self, place: Coordinates) -> Coordinates:
         """Return the axis positions for a workspace position."""
         x, y, *rest = place
         return (x + y, x - y, *rest)
@@ -56,7 +56,7 @@ class Scara:
         """The reach of the arms."""
         return self.upper + self.fore
 
-    def forward(self, axes: Place) -> Place:
+    def forward(self, axes: Coordinates) -> Coordinates:
         """Return the workspace position for axis positions."""
         shoulder, elbow, *rest = axes
         t, u = math.radians(shoulder), math.radians(shoulder + elbow)
@@ -64,7 +64,7 @@ class Scara:
         y = self.upper * math.sin(t) + self.fore * math.sin(u)
         return (x, y, *rest)
 
-    def inverse(self, place: Place) -> Place:
+    def inverse(self, place: Coordinates) -> Coordinates:
         """Return the axis positions for a workspace position.
 
         Raises:
@@ -101,7 +101,7 @@ class Delta:
         """The reach of the arms."""
         return self.upper + self.fore
 
-    def forward(self, axes: Place) -> Place:
+    def forward(self, axes: Coordinates) -> Coordinates:
         """Return the workspace position for axis positions.
 
         Raises:
@@ -110,7 +110,7 @@ class Delta:
         knees = [self._knee(angle, n) for n, angle in enumerate(axes[:3])]
         return (*_below(knees, self.fore), *axes[3:])
 
-    def inverse(self, place: Place) -> Place:
+    def inverse(self, place: Coordinates) -> Coordinates:
         """Return the axis positions for a workspace position.
 
         Raises:

@@ -7,8 +7,16 @@ from collections.abc import Mapping, Sequence
 from itertools import pairwise
 
 from axisbus.errors import LimitError
-from axisbus.motion.group.path import Path, way_of
-from axisbus.motion.group.segments import Arc, Corner, Piece, Place, Straight, corner, direction
+from axisbus.motion.group.path import Path, build_path
+from axisbus.motion.group.segments import (
+    Arc,
+    Coordinates,
+    Corner,
+    GeometricSegment,
+    Straight,
+    corner,
+    direction,
+)
 from axisbus.motion.parameters import AxisParameters
 
 _LONGEST = 366 * 86400.0  # seconds per path: a longer duration is taken for a mistake
@@ -36,28 +44,28 @@ def plan_line(
     Raises:
         LimitError: the line would take more than a year.
     """
-    start, end = (tuple(places[axis] for axis in ends) for places in (starts, ends))
+    start, end = (tuple(positions[axis] for axis in ends) for positions in (starts, ends))
     limits = [axes[axis].limits for axis in ends]
     length = math.dist(start, end)
     if length == 0:
-        return way_of([Straight(start, end, 0.0)], limits, 1.0), 1.0
+        return build_path([Straight(start, end, 0.0)], limits, 1.0), 1.0
     speed, ramp = min(velocity / length, _FASTEST), min(acceleration / length, _STEEPEST)
     if not speed or not ramp:
         raise _endless(name, math.inf, length, velocity, acceleration)
-    way = way_of([Straight(start, end, 1.0)], limits, ramp)
-    require_end(way, speed, name, length)
-    return way, speed
+    path = build_path([Straight(start, end, 1.0)], limits, ramp)
+    require_end(path, speed, name, length)
+    return path, speed
 
 
-def require_end(way: Path, velocity: float, name: str, unit: float = 1.0) -> None:
+def require_end(path: Path, velocity: float, name: str, unit: float = 1.0) -> None:
     """Raise LimitError if a path takes more than a year, because a velocity or acceleration is far too small.
 
     ``unit``: length of path position 1 in the axes' units.
     """
-    slow = min((*way.tops, velocity)), min(way.ramps)
-    seconds = way.seconds(velocity) if all(slow) else math.inf
+    slow = min((*path.max_speeds, velocity)), min(path.ramps)
+    seconds = path.seconds(velocity) if all(slow) else math.inf
     if seconds > _LONGEST:
-        raise _endless(name, seconds, *(value * unit for value in (way.length, *slow)))
+        raise _endless(name, seconds, *(value * unit for value in (path.length, *slow)))
 
 
 def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
@@ -81,8 +89,8 @@ def window(hardest: float, jerk: float | None, period: float, name: str) -> int:
 
 
 def polyline(
-    points: Sequence[Place], blend: float, *, joins: bool = False, more: bool = False
-) -> tuple[list[Piece], set[int]]:
+    points: Sequence[Coordinates], blend: float, *, joins: bool = False, more: bool = False
+) -> tuple[list[GeometricSegment], set[int]]:
     """Return the segments of straight lines through ``points``, and the indices of the segments that end with a stop.
 
     Each corner is rounded so that the path passes within ``blend`` (units) of it. A corner uses at most half of a line between two
@@ -95,26 +103,28 @@ def polyline(
     least = _SAME * _size(points)
     points = _different(points, least)
     rays, last = [direction(a, b) for a, b in pairwise(points)], len(points) - 1
-    pieces: list[Piece] = []
+    segments: list[GeometricSegment] = []
     stops: set[int] = set()
     here = points[0]
     for number, tip in enumerate(points[1:], 1):
-        bend, stands = (
-            _turn(rays, number, tip, blend, joins=joins, more=more) if number < last else (None, False)
+        rounding, stops_there = (
+            _corner_after(rays, number, tip, blend, joins=joins, more=more)
+            if number < last
+            else (None, False)
         )
-        end = tip if bend is None else bend.at(0.0)
+        end = tip if rounding is None else rounding.at(0.0)
         if (length := math.dist(here, end)) > least:
-            pieces.append(Straight(here, end, length))
-        if bend is not None:
-            pieces.append(bend)
-            end = bend.at(bend.length)
-        if stands:
-            stops.add(len(pieces) - 1)
+            segments.append(Straight(here, end, length))
+        if rounding is not None:
+            segments.append(rounding)
+            end = rounding.at(rounding.length)
+        if stops_there:
+            stops.add(len(segments) - 1)
         here = end
-    return pieces or [Straight(here, here, 0.0)], stops
+    return segments or [Straight(here, here, 0.0)], stops
 
 
-def arc_through(start: Place, via: Place, end: Place) -> Arc:
+def arc_through(start: Coordinates, via: Coordinates, end: Coordinates) -> Arc:
     """Return the arc from ``start`` through ``via`` to ``end``, in any number of dimensions.
 
     Raises:
@@ -136,7 +146,7 @@ def arc_through(start: Place, via: Place, end: Place) -> Arc:
     return Arc(centre, out, along, radius, _angle(out, along, centre, end))
 
 
-def arc_about(start: Place, centre: Place, end: Place, *, clockwise: bool) -> Arc:
+def arc_about(start: Coordinates, centre: Coordinates, end: Coordinates, *, clockwise: bool) -> Arc:
     """Return the arc of two axes from ``start`` around ``centre`` to ``end``; a full circle if those are equal.
 
     Raises:
@@ -150,7 +160,7 @@ def arc_about(start: Place, centre: Place, end: Place, *, clockwise: bool) -> Ar
     return Arc(tuple(centre), out, along, radius, _angle(out, along, centre, end))
 
 
-def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
+def _angle(out: Coordinates, along: Coordinates, centre: Coordinates, end: Coordinates) -> float:
     """Return the angle of an arc up to ``end``, above 0; a full circle if the arc ends at its start."""
     spoke = [e - c for e, c in zip(end, centre, strict=True)]
     x, y = (sum(a * b for a, b in zip(spoke, axis, strict=True)) for axis in (out, along))
@@ -158,25 +168,31 @@ def _angle(out: Place, along: Place, centre: Place, end: Place) -> float:
     return math.tau if min(angle, math.tau - angle) < _SAME else angle
 
 
-def _turn(
-    rays: Sequence[tuple[Place, float]], number: int, tip: Place, blend: float, *, joins: bool, more: bool
+def _corner_after(
+    rays: Sequence[tuple[Coordinates, float]],
+    number: int,
+    tip: Coordinates,
+    blend: float,
+    *,
+    joins: bool,
+    more: bool,
 ) -> tuple[Corner | None, bool]:
     """Return the corner after line ``number``, and whether the path stops there instead; (None, False) if the line is straight."""
-    (into, came), (out, goes) = rays[number - 1], rays[number]
+    (into, length_in), (out, length_out) = rays[number - 1], rays[number]
     is_first, is_last = number == 1 and not joins, number + 1 == len(rays) and not more
-    room = min(came if is_first else 0.5 * came, goes if is_last else 0.5 * goes)
+    max_trim = min(length_in if is_first else 0.5 * length_in, length_out if is_last else 0.5 * length_out)
     try:
-        found = corner(tip, into, out, within=blend, room=room)
+        found = corner(tip, into, out, within=blend, max_trim=max_trim)
     except ValueError:
         return None, True
     return (found, False) if blend > 0.0 else (None, found is not None)
 
 
-def _different(points: Sequence[Place], least: float) -> list[Place]:
+def _different(points: Sequence[Coordinates], least: float) -> list[Coordinates]:
     return [tuple(points[0]), *(tuple(b) for a, b in pairwise(points) if math.dist(a, b) > least)]
 
 
-def _size(points: Sequence[Place]) -> float:
+def _size(points: Sequence[Coordinates]) -> float:
     return max(1e-9, *(abs(value) for point in points for value in point))
 
 

@@ -23,9 +23,9 @@ from collections import deque
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from axisbus.motion.group.path import NOWHERE
+from axisbus.motion.group.path import EMPTY_PATH
 
-_NEXT = 1e-12  # relative to the length: the resolution of the numbers
+_RESOLUTION = 1e-12  # relative to the length: the resolution of the numbers
 _LEAST = 1e-9  # of the speed change in one cycle: a lower speed counts as standstill
 _Row = Sequence[float] | Mapping[int, float]
 
@@ -38,7 +38,7 @@ class PathGeometry(Protocol):
         """Start of each speed zone; the start of the next one is its end."""
 
     @property
-    def tops(self) -> _Row:
+    def max_speeds(self) -> _Row:
         """Highest speed."""
 
     @property
@@ -46,7 +46,7 @@ class PathGeometry(Protocol):
         """Acceleration."""
 
     @property
-    def leaves(self) -> _Row:
+    def max_exit_speeds(self) -> _Row:
         """Highest speed at the end of the speed zone."""
 
     @property
@@ -72,73 +72,77 @@ class PathSpeed:
 
     __slots__ = (
         "_ahead",
-        "_asked",
-        "_gone",
-        "_near",
-        "_number",
-        "_places",
-        "_way",
+        "_last_distance",
+        "_path",
+        "_recent_positions",
+        "_requested",
+        "_tolerance",
+        "_zone",
         "braking",
         "factor",
-        "hard",
+        "min_deceleration",
         "speed",
         "t",
         "velocity",
     )
 
     def __init__(self) -> None:
-        self._way: PathGeometry = NOWHERE
-        self._asked: SpeedRequest | None = None  # set if the requested velocity differs between speed zones
+        self._path: PathGeometry = EMPTY_PATH
+        self._requested: SpeedRequest | None = (
+            None  # set if the requested velocity differs between speed zones
+        )
         self.velocity = 0.0
         self.factor = 1.0  # the override
-        self.hard = 0.0  # the lowest deceleration to brake with, along the path
+        self.min_deceleration = 0.0  # the lowest deceleration to brake with, along the path
         self.t = self._ahead = 0.0  # position, and the position without a limit of jerk
-        self._places: deque[float] = deque(maxlen=1)
-        self._gone = 0.0  # distance in the last cycle
+        self._recent_positions: deque[float] = deque(maxlen=1)
+        self._last_distance = 0.0  # distance in the last cycle
         self.speed = 0.0
         self.braking = False
-        self._number = 0
-        self._near = 0.0
+        self._zone = 0
+        self._tolerance = 0.0
 
-    def begin(self, way: PathGeometry, velocity: float, at: float = 0.0, window: int = 1) -> None:
+    def begin(self, path: PathGeometry, velocity: float, at: float = 0.0, window: int = 1) -> None:
         """Start at rest at position ``at`` of the path, with the requested ``velocity`` (above 0).
 
         ``window``: number of cycles in the mean; more than one only if the jerk is limited.
         """
-        self._way, self.velocity, self.t = way, velocity, at
-        self._ahead, self._places = at, deque([at] * window, maxlen=window)
-        self._gone = 0.0
-        self._number = way.number(at)
-        self._near = _NEXT * way.length
+        self._path, self.velocity, self.t = path, velocity, at
+        self._ahead, self._recent_positions = at, deque([at] * window, maxlen=window)
+        self._last_distance = 0.0
+        self._zone = path.number(at)
+        self._tolerance = _RESOLUTION * path.length
 
     @property
     def ahead(self) -> float:
         """The position without a limit of jerk."""
         return self._ahead
 
-    def take(self, way: PathGeometry, asked: SpeedRequest) -> None:
-        """Continue along ``way``: a path that is identical up to the present position, with the same path positions."""
-        self._way, self._asked = way, asked
-        self._number = way.number(self._ahead)
-        self._near = _NEXT * way.length
+    def take(self, path: PathGeometry, requested: SpeedRequest) -> None:
+        """Continue along ``path``: a path that is identical up to the present position, with the same path positions."""
+        self._path, self._requested = path, requested
+        self._zone = path.number(self._ahead)
+        self._tolerance = _RESOLUTION * path.length
 
-    def scale(self, way: PathGeometry, by: float) -> None:
-        """Continue along ``way``: the same path, with path positions multiplied by ``by``."""
-        self._way, self.velocity, self.speed = way, self.velocity * by, self.speed * by
-        self.t, self._ahead, self._gone = self.t * by, self._ahead * by, self._gone * by
-        self._places = deque([place * by for place in self._places], maxlen=self._places.maxlen)
-        self._near = _NEXT * way.length
+    def scale(self, path: PathGeometry, by: float) -> None:
+        """Continue along ``path``: the same path, with path positions multiplied by ``by``."""
+        self._path, self.velocity, self.speed = path, self.velocity * by, self.speed * by
+        self.t, self._ahead, self._last_distance = self.t * by, self._ahead * by, self._last_distance * by
+        self._recent_positions = deque(
+            [position * by for position in self._recent_positions], maxlen=self._recent_positions.maxlen
+        )
+        self._tolerance = _RESOLUTION * path.length
 
-    def fits(self, way: PathGeometry, period: float) -> bool:
-        """Return whether the motion can continue along ``way`` at the present speed, within the limits of its speed zone.
+    def fits(self, path: PathGeometry, period: float) -> bool:
+        """Return whether the motion can continue along ``path`` at the present speed, within the limits of its speed zone.
 
         If the speed zone ends within this cycle, the speed at its end decides, not the speed after the cycle.
         """
-        v, number = self.speed, way.number(self._ahead)
-        ramp, top, leave = way.ramps[number], way.tops[number], way.leaves[number]
-        left = way.marks[number + 1] - self._ahead
-        bound = slow_enough(v, leave, ramp, left, period)
-        in_time = v * v * (1.0 - _LEAST) <= leave * leave + 2.0 * ramp * left
+        v, number = self.speed, path.number(self._ahead)
+        ramp, top, exit_speed = path.ramps[number], path.max_speeds[number], path.max_exit_speeds[number]
+        left = path.marks[number + 1] - self._ahead
+        bound = slow_enough(v, exit_speed, ramp, left, period)
+        in_time = v * v * (1.0 - _LEAST) <= exit_speed * exit_speed + 2.0 * ramp * left
         return (in_time and v - ramp * period <= min(top, bound) + _LEAST * v) or v == 0.0
 
     @property
@@ -146,9 +150,9 @@ class PathSpeed:
         """Whether it is at standstill because it was braked."""
         return self.braking and self.speed == 0.0 and self.t == self._ahead
 
-    def told(self, t: float) -> str:
+    def as_text(self, t: float) -> str:
         """Return path position ``t`` as text for messages."""
-        return f"{t / (self._way.length or 1.0):.1%} of the path"
+        return f"{t / (self._path.length or 1.0):.1%} of the path"
 
     def brake(self) -> None:
         """Brake to rest on the path; a second call has no effect."""
@@ -156,49 +160,49 @@ class PathSpeed:
 
     def advance(self, period: float) -> None:
         """Advance by one cycle of ``period`` seconds; the cycle may cross the ends of several speed zones."""
-        if self.hard and self.braking and self._places.maxlen != 1:
-            self._let_go(period)
+        if self.min_deceleration and self.braking and self._recent_positions.maxlen != 1:
+            self._drop_jerk_limit(period)
         left = period
         while left > 0.0:
-            left = self._go(left)
-        places, ahead, before = self._places, self._ahead, self.t
-        places.append(ahead)
-        self.t = ahead if places[0] == ahead else sum(places) / len(places)
-        self._gone = self.t - before
+            left = self._advance_in_zone(left)
+        recent, ahead, before = self._recent_positions, self._ahead, self.t
+        recent.append(ahead)
+        self.t = ahead if recent[0] == ahead else sum(recent) / len(recent)
+        self._last_distance = self.t - before
 
-    def _let_go(self, period: float) -> None:
+    def _drop_jerk_limit(self, period: float) -> None:
         """Drop the limit of jerk: continue from the present position at the present speed."""
-        self._ahead, self._places = self.t, deque([self.t], maxlen=1)
-        self._number = self._way.number(self.t)
-        self.speed = self._gone / period
+        self._ahead, self._recent_positions = self.t, deque([self.t], maxlen=1)
+        self._zone = self._path.number(self.t)
+        self.speed = self._last_distance / period
 
-    def _go(self, period: float) -> float:
+    def _advance_in_zone(self, period: float) -> float:
         """Advance within the speed zone; return the time that remains if its end is reached earlier."""
-        way, number, v = self._way, self._number, self.speed
-        ramp, mark = way.ramps[number], way.marks[number + 1]
-        if v == 0.0 and self._places[0] != self._ahead == way.marks[number]:
+        path, number, v = self._path, self._zone, self.speed
+        ramp, mark = path.ramps[number], path.marks[number + 1]
+        if v == 0.0 and self._recent_positions[0] != self._ahead == path.marks[number]:
             return 0.0  # a stop on the path: wait for the mean to arrive
-        if self.braking and self.hard > ramp:
-            ramp = self.hard
-        if self._asked is not None:
-            self._ask(self._asked, period)
-        w = self._wanted(ramp * period, way.tops[number], self._bound(number, period))
+        if self.braking and self.min_deceleration > ramp:
+            ramp = self.min_deceleration
+        if self._requested is not None:
+            self._request_velocity(self._requested, period)
+        w = self._next_speed(ramp * period, path.max_speeds[number], self._bound(number, period))
         covered = 0.5 * v * v / ramp if w == 0.0 and v < ramp * period else 0.5 * (v + w) * period
-        if self._ahead + covered < mark - self._near:
+        if self._ahead + covered < mark - self._tolerance:
             self._ahead, self.speed = self._ahead + covered, w
             return 0.0
-        is_last, leave = way.is_last(number), way.leaves[number]
+        is_last, exit_speed = path.is_last(number), path.max_exit_speeds[number]
         distance, self._ahead = max(mark - self._ahead, 0.0), mark
-        self._number = number if is_last else number + 1
-        if is_last or leave == 0.0:  # the end, or a stop on the path
+        self._zone = number if is_last else number + 1
+        if is_last or exit_speed == 0.0:  # the end, or a stop on the path
             self.speed = 0.0
             return 0.0
         rate = (w - v) / period
-        self.speed = min(math.sqrt(max(v * v + 2.0 * rate * distance, 0.0)), leave)
+        self.speed = min(math.sqrt(max(v * v + 2.0 * rate * distance, 0.0)), exit_speed)
         mean = 0.5 * (v + self.speed)
         return period - distance / mean if mean * period > distance else 0.0
 
-    def _wanted(self, change: float, top: float, bound: float) -> float:
+    def _next_speed(self, change: float, top: float, bound: float) -> float:
         """Return the next speed, which differs by ``change`` at most and does not exceed ``top`` and ``bound``."""
         v, wanted = self.speed, 0.0 if self.braking else self.velocity * self.factor
         w = min(v + change, max(v - change, min(wanted, top)), bound)
@@ -206,24 +210,24 @@ class PathSpeed:
 
     def _bound(self, number: int, period: float) -> float:
         """Return the highest speed after ``period`` that still permits leaving the speed zone at its exit speed."""
-        way = self._way
-        left = way.marks[number + 1] - self._ahead
-        return slow_enough(self.speed, way.leaves[number], way.ramps[number], left, period)
+        path = self._path
+        left = path.marks[number + 1] - self._ahead
+        return slow_enough(self.speed, path.max_exit_speeds[number], path.ramps[number], left, period)
 
-    def _ask(self, asked: SpeedRequest, period: float) -> None:
+    def _request_velocity(self, requested: SpeedRequest, period: float) -> None:
         """Set the requested velocity for this cycle, so that the speed zone is left at its requested exit velocity."""
-        number, factor = self._number, self.factor
-        ramp, left = self._way.ramps[number], self._way.marks[number + 1] - self._ahead
-        self.velocity = asked.velocities[number]
-        if asked.exits[number] < self.velocity and factor > 0.0:
-            bound = slow_enough(self.speed, factor * asked.exits[number], ramp, left, period)
+        number, factor = self._zone, self.factor
+        ramp, left = self._path.ramps[number], self._path.marks[number + 1] - self._ahead
+        self.velocity = requested.velocities[number]
+        if requested.exits[number] < self.velocity and factor > 0.0:
+            bound = slow_enough(self.speed, factor * requested.exits[number], ramp, left, period)
             self.velocity = min(self.velocity, bound / factor)
 
 
-def slow_enough(v: float, leave: float, ramp: float, left: float, period: float) -> float:
-    """Return the highest speed after ``period``, from ``v``, that permits a speed of at most ``leave`` after distance ``left``."""
+def slow_enough(v: float, exit_speed: float, ramp: float, left: float, period: float) -> float:
+    """Return the highest speed after ``period``, from ``v``, that permits at most ``exit_speed`` after distance ``left``."""
     half = 0.5 * ramp * period
-    more = leave * leave + ramp * (
+    more = exit_speed * exit_speed + ramp * (
         2.0 * left - v * period
     )  # added to half²; written like this to avoid cancellation
     return more / (math.sqrt(half * half + more) + half) if more > 0.0 else 0.0

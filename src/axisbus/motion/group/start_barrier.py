@@ -10,27 +10,27 @@ class StartBarrier:
     within one cycle get the same answer, because the owner opens the barrier between cycles (``update``).
     """
 
-    __slots__ = ("_here", "_open", "_shut")
+    __slots__ = ("_open", "_present", "_shut")
 
     def __init__(self, is_open: bool = False) -> None:
-        self._here: set[int] = set()
+        self._present: set[int] = set()
         self._open = is_open
         self._shut = False
 
-    def pass_through(self, comer: object) -> bool:
-        """Note that ``comer`` is present; return whether it may continue."""
+    def pass_through(self, waiting: object) -> bool:
+        """Note that ``waiting`` is present; return whether it may continue."""
         if not self._open:
-            self._here.add(id(comer))
+            self._present.add(id(waiting))
         return self._open
 
-    def update(self, coming: int) -> None:
+    def update(self, expected: int) -> None:
         """Open if all are present; called once per cycle, before the axes step.
 
-        ``coming``: number of axes that have not ended. An axis that is already at its target ends, and never arrives here.
+        ``expected``: number of axes that have not ended. An axis that is already at its target ends, and never arrives here.
         """
-        if len(self._here) >= coming and not self._shut:
+        if len(self._present) >= expected and not self._shut:
             self._open = True
-        self._here.clear()
+        self._present.clear()
 
     def shut(self) -> None:
         """Keep the barrier closed because the start was cancelled. If it is open already, it stays open."""

@@ -30,7 +30,7 @@ from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
-from axisbus.motion.override import FASTER
+from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.motion.parameters import AxisParameters
 
 
@@ -73,7 +73,7 @@ class JerkLimitedMove(CspMove):
         assert profile.speed
         assert profile.ramp
         speed, limit = profile.speed / unit, parameters.limits.velocity or math.inf
-        self._gait = JerkLimits(speed, profile.ramp / unit, min(FASTER * speed, limit))
+        self._gait = JerkLimits(speed, profile.ramp / unit, min(MAX_OVERRIDE * speed, limit))
         self._ramps = ramps_of(profile, parameters)
         self._window = window(self._gait.ramp, profile.softness, parameters.scan_period, name)
         self.walk: OnlineProfile | None = None

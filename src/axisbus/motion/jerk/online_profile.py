@@ -92,7 +92,7 @@ class OnlineProfile:
         """Whether it is at standstill because it was braked."""
         return self.braking and self.speed == 0.0 and self.led.place == self.ahead
 
-    def told(self, _t: float) -> str:
+    def as_text(self, _t: float) -> str:
         """Return the present position as text for the user."""
         return f"{self.led.place:g} on its way to {self.target:g}"
 
@@ -214,7 +214,7 @@ class SoftRamp:
         """Whether it is at standstill because it was braked."""
         return self.braking and self.led.velocity == 0.0 == self.led.acceleration
 
-    def told(self, _t: float) -> str:
+    def as_text(self, _t: float) -> str:
         """Return the present position as text for the user."""
         return f"{self.led.place:g} with {self.led.velocity:g}/s"
 

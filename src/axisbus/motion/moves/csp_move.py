@@ -25,7 +25,7 @@ from axisbus.motion.moves.activity import timed_out
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
-from axisbus.motion.override import spared
+from axisbus.motion.override import deadline_extension
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.path_limit_check import PathSample
 from axisbus.motion.pathclock import PathClock
@@ -184,7 +184,7 @@ class CspMove(PathHandover):
         if self._deadline is None and self._profile.timeout is not None:
             self._deadline = image.now + self._profile.timeout
         if self._deadline is not None:
-            self._deadline += spared(image.override, self._parameters.scan_period)
+            self._deadline += deadline_extension(image.override, self._parameters.scan_period)
         self._check_deadline(
             image
         )  # before the next step: if this fails, the axis brakes in this cycle, from its present set-point

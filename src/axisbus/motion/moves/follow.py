@@ -22,7 +22,7 @@ from axisbus.motion.moves.prepare import RampTransfers, slow_ramp_writes
 from axisbus.motion.moves.profile_from_speed import ProfileFromSpeed, Start
 from axisbus.motion.moves.remote_trajectory import Streamed
 from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.override import FASTER
+from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.motion.parameters import NOISE, AxisParameters
 from axisbus.motion.path_limit_check import (
     LimitExceeded,
@@ -30,22 +30,22 @@ from axisbus.motion.path_limit_check import (
     PathSample,
     Ramped,
     brakes_smoothly,
-    pace_of,
+    limit_check_of,
 )
-from axisbus.motion.pathclock import Guided, PathClock, PathParameter
+from axisbus.motion.pathclock import BrakingClock, PathClock, PathParameter
 from axisbus.motion.position_limits import (
     UNLIMITED,
     Excess,
     LookaheadTrajectory,
     Path,
-    Room,
+    PositionRange,
     braking,
+    count_range,
     excess,
     is_beyond,
-    leaves,
     narrowed,
-    rest,
-    room_of_count,
+    rest_beyond,
+    rest_position,
     steps_to_rest,
     widened,
 )
@@ -80,7 +80,7 @@ class Follow(Activity):
         trajectory: Trajectory | None,
         parameters: AxisParameters,
         gate: StartBarrier,
-        travel: Guided | None = None,
+        travel: BrakingClock | None = None,
     ) -> None:
         """``trajectory`` None: the group sets it with ``begin`` while all axes wait at the start barrier; its clock is ``travel``.
 
@@ -93,7 +93,7 @@ class Follow(Activity):
         self._units = parameters.units.position
         self._period = parameters.scan_period
         self._gate = gate
-        self._travel: Guided | None = travel
+        self._travel: BrakingClock | None = travel
         self._own_clock = travel is None
         self._time = PathClock()
         self.clock: PathParameter = travel or self._time
@@ -107,8 +107,10 @@ class Follow(Activity):
         self._arrive_by: float | None = None
         self._edges: tuple[float, float] | None = None  # the position limits that apply to it
         # The range of the drive's count; None: the axis may continue past its end.
-        self._count: Room | None = None
-        self._limits: Room | None = None  # the permitted range: within both, the limits widened to its start
+        self._count: PositionRange | None = None
+        self._limits: PositionRange | None = (
+            None  # the permitted range: within both, the limits widened to its start
+        )
         self._comes_back = False  # the axis moves back from beyond the limits
         self._is_known = False  # the path is known in advance, and checked as a whole
         self._stepped = False
@@ -155,7 +157,7 @@ class Follow(Activity):
     def lay_over(self, addition: Addition) -> None:
         """Superimpose a distance on the path from the next cycle on; it continues at the rate of the one that it replaces."""
         if self._addition is not None:
-            addition.go_on_from(self._addition)
+            addition.continue_from(self._addition)
         self._addition = addition
 
     def foresee(self) -> Foreseen | None:
@@ -246,7 +248,7 @@ class Follow(Activity):
             self._stream = trajectory
             trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
 
-    def guide_by(self, guide: Guided, trajectory: Trajectory) -> None:
+    def guide_by(self, guide: BrakingClock, trajectory: Trajectory) -> None:
         """Follow the clock ``guide`` instead of time, along ``trajectory``."""
         self._travel = self.clock = guide
         self._own_clock = False
@@ -256,7 +258,7 @@ class Follow(Activity):
         """Continue along another trajectory, which has the same position and speed as the previous one at this time."""
         self.begin(trajectory)
         if self._running:
-            self._pace = pace_of(self._parameters, trajectory)
+            self._pace = limit_check_of(self._parameters, trajectory)
             self._most = _most(trajectory, self._pace)
 
     def take_stepped(self) -> bool:
@@ -275,7 +277,7 @@ class Follow(Activity):
         self._edges, self._count, self._limits = before._edges, before._count, before._limits
         self._comes_back = before._comes_back
         self._origin = before._origin
-        self._pace = pace_of(self._parameters, self._told)
+        self._pace = limit_check_of(self._parameters, self._told)
         self._most = _most(self._told, self._pace)
 
     @property
@@ -290,7 +292,7 @@ class Follow(Activity):
         return self._step
 
     @property
-    def room(self) -> Room:
+    def room(self) -> PositionRange:
         """The permitted range of its positions, in units."""
         return self._limits or UNLIMITED
 
@@ -357,10 +359,12 @@ class Follow(Activity):
         (at, speed), room = self._step, self._limits or UNLIMITED
         if self._edges is not None:
             room = widened(self._edges, at, 0.0)
-        if leaves(room, at, speed, usual) is None:
+        if rest_beyond(room, at, speed, usual) is None:
             self._brake = usual
             self.begin(
-                ProfileFromSpeed(Start(at, speed), rest(at, speed, usual), abs(speed) or 1.0, usual, usual)
+                ProfileFromSpeed(
+                    Start(at, speed), rest_position(at, speed, usual), abs(speed) or 1.0, usual, usual
+                )
             )
         else:
             self._brake = down = braking(room, at, speed, usual, max(usual, self._hardest), self._period)
@@ -374,8 +378,8 @@ class Follow(Activity):
     @property
     def _hardest(self) -> float:
         """The hardest permitted deceleration of a stop: that of a stop of this axis, or that of its trajectory if it is harder."""
-        limit, told = self._parameters.limits.acceleration, self._told
-        own = told.top_acceleration if limit is None and isinstance(told, Ramped) else 0.0
+        limit, as_text = self._parameters.limits.acceleration, self._told
+        own = as_text.top_acceleration if limit is None and isinstance(as_text, Ramped) else 0.0
         return max(own, self._parameters.hardest_deceleration or 0.0)
 
     @property
@@ -434,7 +438,7 @@ class Follow(Activity):
         self._known_way = None
         self._last, self._origin = reference, image.origin
         self._is_known = isinstance(self._told, LookaheadTrajectory)
-        self._pace = pace_of(self._parameters, self._told)
+        self._pace = limit_check_of(self._parameters, self._told)
         self._most = _most(self._told, self._pace)
         self._bind(
             self._parameters.limits.position,
@@ -447,8 +451,8 @@ class Follow(Activity):
         units = self._parameters.units
         self._edges, self._count, self._comes_back = edges, None, False
         if units.modulo is None and not self._parameters.virtual:
-            count = room_of_count(units.position.to_increments(places[0]) + self._origin)
-            self._count = Room(*sorted(units.position.to_units(end - self._origin) for end in count))
+            count = count_range(units.position.to_increments(places[0]) + self._origin)
+            self._count = PositionRange(*sorted(units.position.to_units(end - self._origin) for end in count))
         self._limits = self._count
         if edges is None:
             return
@@ -459,7 +463,7 @@ class Follow(Activity):
             room = widened(room, place, 0.0)
         margin = abs(units.position.to_units(1))  # possible error of a trajectory's arithmetic
         low, high = self._count or UNLIMITED
-        self._limits = Room(max(room[0] - margin, low), min(room[1] + margin, high))
+        self._limits = PositionRange(max(room[0] - margin, low), min(room[1] + margin, high))
 
     @property
     def _noise(self) -> float:
@@ -520,7 +524,7 @@ class Follow(Activity):
             self.brakes_along = bool(self._parameters.path_deceleration)
             raise error
 
-    def _may_leave(self, room: Room) -> bool:
+    def _may_leave(self, room: PositionRange) -> bool:
         """Whether the axis may come near the ends of its range; those of a drive's count are nearly always far away."""
         if self._edges is not None or self._step is None:
             return True
@@ -603,7 +607,7 @@ class Follow(Activity):
 
     def _admit(self, addition: Addition, path: Trajectory) -> PathLimitCheck:
         """Check the properties of the path that are known in advance; return the limits of the sum."""
-        addition.is_admitted, pace = True, pace_of(self._parameters, path)
+        addition.is_admitted, pace = True, limit_check_of(self._parameters, path)
         try:
             admit(addition, path, self.shifted, self._parameters, self._limits)
         except LimitError as error:
@@ -636,14 +640,14 @@ class Follow(Activity):
         how = "braked along it" if self.brakes_along else "stopped"
         return LimitError(
             f"{name}: the trajectory is {found.what}",
-            observed=f"at {self.clock.told(t)}: {found.seen}",
+            observed=f"at {self.clock.as_text(t)}: {found.seen}",
             remedy=f"slow the trajectory down or smooth it, or raise the limit in [axes.{name}] of cell.toml; the axis was {how}",
         )
 
     def _leaves(self, found: Excess | None, value: float = 0.0) -> LimitError:
         name, unit = self._parameters.name, self._parameters.units.position.unit
         seen = (
-            f"{value:g} {unit} at {self.clock.told(self.clock.t)}"
+            f"{value:g} {unit} at {self.clock.as_text(self.clock.t)}"
             if found is None
             else f"at {found.here:g} {unit}, with {found.speed:g} {unit}/s, it would stop at {found.stop:g} {unit} if it "
             f"continued; the trajectory is at {found.there:g} {unit} at {found.time:.3f} s"
@@ -703,7 +707,7 @@ def _most(trajectory: Trajectory, pace: PathLimitCheck) -> float:
 
     If its time runs faster by a factor, the velocity increases by the factor, and the acceleration by its square.
     """
-    most = FASTER
+    most = MAX_OVERRIDE
     if pace.velocity is not None:
         if not isinstance(trajectory, LookaheadTrajectory):
             return 1.0

@@ -28,7 +28,7 @@ from axisbus.cia402 import statusword as sw
 from axisbus.cia402.modes import ModeOfOperation
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.modes import CONDUCT, TORQUE_MODES, AfterHalt
+from axisbus.motion.modes import MODE_PROPERTIES, TORQUE_MODES, AfterHalt
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters, Handshake, HoldsLoad
 from axisbus.motion.stop.hold_setpoint import HoldSetPoint
@@ -78,7 +78,7 @@ class HaltRelease:
         self._deadline = image.now + parameters.stop_times.halt
         self._hold: HoldSetPoint | None = None
         self._check = StandstillCheck(parameters, image.now)
-        self._monitor = StandstillMonitor(parameters, _WHY, parameters.place_window)
+        self._monitor = StandstillMonitor(parameters, _WHY, parameters.position_tolerance)
         self._phase = HaltReleasePhase.WITHDRAW
         self._after = after_halt(image, parameters)
         self._was_idle = image.led.idle
@@ -183,7 +183,7 @@ def after_halt(image: AxisImage, parameters: AxisParameters) -> AfterHalt | None
     """Return the motion with which a halted drive would continue; None if it is unknown, or cannot be replaced during the halt."""
     if image.mode is None or _is_loaded(image, parameters):
         return None
-    conduct = CONDUCT.get(ModeOfOperation(image.mode))
+    conduct = MODE_PROPERTIES.get(ModeOfOperation(image.mode))
     rest = None if conduct is None else conduct.after_halt
     unproven = rest is AfterHalt.SET_POINT and parameters.handshake is Handshake.ON_CHANGE
     return None if unproven and not _has_ended(image, parameters) else rest

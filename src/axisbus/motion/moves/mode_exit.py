@@ -19,7 +19,7 @@ from collections.abc import Callable
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.cyclic.ramps import VelocityRamp
 from axisbus.motion.moves.follow import Follow
-from axisbus.motion.position_limits import Room, leaves
+from axisbus.motion.position_limits import PositionRange, rest_beyond
 
 _BEHIND = 3  # set-points, the newest of which the drive does not have yet
 _AHEAD = 3.0  # scan periods until the drive takes the mode
@@ -46,7 +46,7 @@ class PathExit:
             return True
         self._steps.append(self._path.last_step)
         low, high = self._path.room
-        room = Room(low - self._increment, high + self._increment)
+        room = PositionRange(low - self._increment, high + self._increment)
         return all(self._fits(room, *step) for step in (*self._steps, self._ahead()))
 
     def _ahead(self) -> tuple[float, float]:
@@ -58,8 +58,8 @@ class PathExit:
             return at, velocity
         return at + 0.5 * (velocity + later) * time, later
 
-    def _fits(self, room: Room, at: float, velocity: float) -> bool:
-        return leaves(room, at + velocity * self._soft, velocity, self._down) is None
+    def _fits(self, room: PositionRange, at: float, velocity: float) -> bool:
+        return rest_beyond(room, at + velocity * self._soft, velocity, self._down) is None
 
 
 def velocity_exit(

@@ -17,7 +17,7 @@ from axisbus.motion.moves.profile import MoveProfile, braking_distance, duration
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.moves.setpoint_confirmation import proof_of
 from axisbus.motion.moves.setpoint_without_ack import set_point
-from axisbus.motion.override import spared
+from axisbus.motion.override import deadline_extension
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.setpoint_update import SetPointUpdate, VelocityChangeCheck
 from axisbus.motion.stop_deceleration import CommandedMotion
@@ -89,13 +89,13 @@ class PositionMove(Prepared):
             self._passing = PpBlending(first, self._parameters)
         self._passing.add(part, image.now)
         self._target = part.target
-        self._anew.ask(self._anew.asked)
+        self._anew.request(self._anew.requested)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive has arrived."""
         if self._start is None and not self._begins(image, order):
             return False
-        self._watch.spare(spared(image.override, self._parameters.scan_period))
+        self._watch.spare(deadline_extension(image.override, self._parameters.scan_period))
         if self._passing is not None:
             self._pass_ends(self._passing, image)
         if not self.set_point.begun and not self._keeps_pace(image, order):
@@ -162,7 +162,7 @@ class PositionMove(Prepared):
         """Check which ends have been passed, and request the next profile if it is due."""
         profile = passing.look(image)
         if profile is not None:
-            self._anew.ask(profile)
+            self._anew.request(profile)
             self._watch.deadline = None  # a caller's deadline was for the previous move
 
     def _keeps_pace(self, image: AxisImage, order: CycleOutputs) -> bool:
@@ -212,7 +212,7 @@ class PositionMove(Prepared):
         """Whether bit 10 is set, and (if 6064h is fresh) the axis is within the window: bit 10 may be from the previous move."""
         if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
             return False
-        if self.set_point.target != self._target or self._anew.is_asked:
+        if self.set_point.target != self._target or self._anew.is_requested:
             return False  # another end has joined it
         if self._proof is not None and not self._proof.suffices(image):
             return False

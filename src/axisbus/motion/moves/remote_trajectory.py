@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from axisbus.errors import ArgumentError, AxisbusError, CommandError
-from axisbus.motion.numbers import number, told
+from axisbus.motion.numbers import number, short_repr
 
 _BUSY = 2.0  # seconds that a program may be busy with something else
 _HEADSTART = 1.0  # seconds, beyond the braking time, that are known before the axis begins
@@ -260,7 +260,7 @@ def _known(curve: Curve, duration: float) -> float:
 def _require_numbers(values: Sequence[object]) -> None:
     for value in values:
         if number(value) is None:
-            raise ArgumentError("a trajectory needs finite numbers", observed=f"it gave {told(value)}")
+            raise ArgumentError("a trajectory needs finite numbers", observed=f"it gave {short_repr(value)}")
 
 
 # -- A smooth curve through the samples of a path ----------------------------------------------------------------------

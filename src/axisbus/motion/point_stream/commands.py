@@ -14,7 +14,7 @@ class OnUnderrun(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class StreamSegment:
     """Part of a stream between two points, ``seconds`` apart, with the polynomial coefficients of each axis (``quintic``).
 
     ``ramp`` (per s): permitted change of the pace within the axes' accelerations; a pace of 1 is that of the points.
@@ -36,15 +36,15 @@ class FollowPoints:
 
 @dataclass(frozen=True, slots=True)
 class AddPoints:
-    """Append ``spans`` to a stream; the first one has the span number ``first`` (counted from 0).
+    """Append ``segments`` to a stream; the first one has the segment number ``first`` (counted from 0).
 
-    Done when the axes have reached the end of these spans. ``begins``: enough points are known to begin; ``ends``: these are the
+    Done when the axes have reached the end of these segments. ``begins``: enough points are known to begin; ``ends``: these are the
     last.
     """
 
     axes: tuple[str, ...]
     stream: int
     first: int
-    spans: tuple[Span, ...]
+    segments: tuple[StreamSegment, ...]
     begins: bool = False
     ends: bool = False

@@ -6,7 +6,7 @@ At each point, speed and acceleration are those of the parabola through the poin
 polynomial of degree five with the values of both. So position, speed and acceleration never jump (C2), and straight lines and
 constant accelerations are reproduced exactly. The curve up to a point is known when the next point is known.
 
-Each new point leads to two checks: of the span that it completes, and of the span up to itself as if no more points came. An
+Each new point leads to two checks: of the segment that it completes, and of the segment up to itself as if no more points came. An
 accepted stream can therefore always be ended. The points may use four fifths of an axis's acceleration; the rest is reserved for
 braking along them and for resuming.
 """
@@ -19,14 +19,14 @@ from typing import Generic, NamedTuple, TypeVar
 
 from axisbus.errors import LimitError
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.path_limit_check import PathLimitCheck, pace_of
-from axisbus.motion.point_stream.commands import Span
+from axisbus.motion.path_limit_check import PathLimitCheck, limit_check_of
+from axisbus.motion.point_stream.commands import StreamSegment
 from axisbus.motion.position_limits import widened
 from axisbus.motion.trajectory import SampledTrajectory
 
 SHARE = 0.8  # of an axis's acceleration: the part that the points may use
 LONGEST = 10.0  # seconds that braking along the points may take
-_STEEPEST = 1e4  # per s: a span without motion needs no ramp
+_STEEPEST = 1e4  # per s: a segment without motion needs no ramp
 _COMPUTED = 1.0 + 1e-6  # tolerance for rounding errors
 STILL = SampledTrajectory((0.0, 0.0), 1.0)  # a placeholder, which makes no statement about its acceleration
 
@@ -48,24 +48,24 @@ Controls = tuple[float, ...]
 class Motion(NamedTuple):
     """Motion of one axis at a point: position (unit), speed (unit/s) and acceleration (unit/s²)."""
 
-    place: float
+    position: float
     speed: float
     rate: float
 
 
 def coefficients(begin: Motion, end: Motion, seconds: float) -> Coefficients:
     """Return the polynomial from ``begin`` to ``end``, ``seconds`` (above 0) apart."""
-    way = end.place - begin.place - (begin.speed + 0.5 * begin.rate * seconds) * seconds
+    distance = end.position - begin.position - (begin.speed + 0.5 * begin.rate * seconds) * seconds
     faster = (end.speed - begin.speed - begin.rate * seconds) * seconds
     harder = 0.5 * (end.rate - begin.rate) * seconds * seconds
     cube = seconds**3
     return (
-        begin.place,
+        begin.position,
         begin.speed,
         0.5 * begin.rate,
-        (10.0 * way - 4.0 * faster + harder) / cube,
-        (-15.0 * way + 7.0 * faster - 2.0 * harder) / (cube * seconds),
-        (6.0 * way - 3.0 * faster + harder) / (cube * seconds * seconds),
+        (10.0 * distance - 4.0 * faster + harder) / cube,
+        (-15.0 * distance + 7.0 * faster - 2.0 * harder) / (cube * seconds),
+        (6.0 * distance - 3.0 * faster + harder) / (cube * seconds * seconds),
     )
 
 
@@ -79,12 +79,12 @@ def controls(begin: Motion, end: Motion, seconds: float) -> Controls:
     """Return the control points (Bernstein) of the same polynomial; its values lie within their range."""
     a, b = seconds / 5.0, seconds * seconds / 20.0
     return (
-        begin.place,
-        begin.place + a * begin.speed,
-        begin.place + 2.0 * a * begin.speed + b * begin.rate,
-        end.place - 2.0 * a * end.speed + b * end.rate,
-        end.place - a * end.speed,
-        end.place,
+        begin.position,
+        begin.position + a * begin.speed,
+        begin.position + 2.0 * a * begin.speed + b * begin.rate,
+        end.position - 2.0 * a * end.speed + b * end.rate,
+        end.position - a * end.speed,
+        end.position,
     )
 
 
@@ -120,10 +120,10 @@ class StreamPoint(NamedTuple):
     """The positions of the axes (in their order, in their units) at a time (seconds of the stream)."""
 
     t: float
-    place: tuple[float, ...]
+    positions: tuple[float, ...]
 
 
-class Between(NamedTuple):
+class SegmentEnds(NamedTuple):
     """From one point to the next, with the motion of every axis at both."""
 
     begin: StreamPoint
@@ -137,7 +137,7 @@ class Between(NamedTuple):
         return self.end.t - self.begin.t
 
 
-class Allowed(NamedTuple):
+class StreamLimits(NamedTuple):
     """The limits of one axis in its units; ``key``: the setting that its acceleration comes from. None: not limited."""
 
     unit: str
@@ -148,17 +148,19 @@ class Allowed(NamedTuple):
     braking: float
 
 
-def allowed_of(parameters: AxisParameters, start: float) -> Allowed:
+def stream_limits_of(parameters: AxisParameters, start: float) -> StreamLimits:
     """Return the limits of an axis that begins at ``start``; its ``path_deceleration`` must be known."""
-    pace: PathLimitCheck = pace_of(parameters, STILL)
+    limit_check: PathLimitCheck = limit_check_of(parameters, STILL)
     positions, braking = parameters.limits.position, parameters.path_deceleration
     assert braking is not None
     if positions is not None:
         positions = widened(positions, start, abs(parameters.units.position.to_units(1)))
-    return Allowed(pace.unit, positions, pace.velocity, pace.acceleration, pace.key, braking)
+    return StreamLimits(
+        limit_check.unit, positions, limit_check.velocity, limit_check.acceleration, limit_check.key, braking
+    )
 
 
-class PointAccepted(Generic[T]):
+class IncrementalFit(Generic[T]):
     """Processes the curve between points; stores the last three points, and the motion of the axes at the last but one."""
 
     def __init__(self) -> None:
@@ -172,85 +174,98 @@ class PointAccepted(Generic[T]):
         return self._points[-1] if self._points else None
 
     def take(self, point: StreamPoint) -> T | None:
-        """Accept a point later than the last one; return the result for the span that it completes, None if it completes none.
+        """Accept a point later than the last one; return the result for the segment that it completes, None if it completes none.
 
         Raises:
             LimitError: an axis would exceed its limits; nothing has changed then.
         """
         points = (*self._points[-2:], point)
-        made, moving = None, self._moving
+        fitted, moving = None, self._moving
         if len(points) == 3:
             begin = moving or _motions(points, 0)
             moving = _motions(points, 1)
-            made = self._made(Between(points[0], points[1], begin, moving))
-            self._made(Between(points[1], point, moving, _motions(points, 2)))
+            fitted = self._fitted(SegmentEnds(points[0], points[1], begin, moving))
+            self._fitted(SegmentEnds(points[1], point, moving, _motions(points, 2)))
         elif len(points) == 2:
-            self._made(_straight(*points))
+            self._fitted(_straight(*points))
         self._points, self._moving = points, moving
         self.count += 1
-        return made
+        return fitted
 
     def end(self) -> T | None:
-        """Return the result for the span up to the last point, as the end of the stream; None with fewer than two points."""
+        """Return the result for the segment up to the last point, as the end of the stream; None with fewer than two points."""
         points = self._points
         if len(points) < 2:
             return None
         if len(points) == 2:
-            return self._made(_straight(*points))
-        return self._made(Between(points[1], points[2], self._moving, _motions(points, 2)))
+            return self._fitted(_straight(*points))
+        return self._fitted(SegmentEnds(points[1], points[2], self._moving, _motions(points, 2)))
 
-    def _made(self, between: Between) -> T:
+    def _fitted(self, segment: SegmentEnds) -> T:
         """Return the result for the curve between two points; raise LimitError if an axis would exceed its limits."""
         raise NotImplementedError
 
 
-class CurveFit(PointAccepted[Span]):
-    """Makes spans from points."""
+class CurveFit(IncrementalFit[StreamSegment]):
+    """Makes segments from points."""
 
-    def __init__(self, axes: Mapping[str, Allowed], text: str) -> None:
+    def __init__(self, axes: Mapping[str, StreamLimits], text: str) -> None:
         """``text``: beginning of messages."""
         super().__init__()
         self._axes = axes
         self._text = text
 
-    def _made(self, between: Between) -> Span:
-        return self.checked(between)
+    def _fitted(self, segment: SegmentEnds) -> StreamSegment:
+        return self.checked(segment)
 
-    def checked(self, span: Between) -> Span:
-        """Return a span as it is sent to the core; raise LimitError if an axis would exceed its limits on it."""
+    def checked(self, segment: SegmentEnds) -> StreamSegment:
+        """Return a segment as it is sent to the core; raise LimitError if an axis would exceed its limits on it."""
         ramp = _STEEPEST
-        for number, (name, may) in enumerate(self._axes.items()):
-            line = controls(span.from_[number], span.to[number], span.seconds)
-            speeds = derived(line, span.seconds)
-            rates = derived(speeds, span.seconds)
-            self._require(name, span, line, "position", may.unit, may.positions, "position_limits")
+        for number, (name, allowed) in enumerate(self._axes.items()):
+            line = controls(segment.from_[number], segment.to[number], segment.seconds)
+            speeds = derived(line, segment.seconds)
+            rates = derived(speeds, segment.seconds)
+            self._require(name, segment, line, "position", allowed.unit, allowed.positions, "position_limits")
             top = self._require(
-                name, span, speeds, "velocity", f"{may.unit}/s", _both(may.velocity), "max_velocity"
+                name,
+                segment,
+                speeds,
+                "velocity",
+                f"{allowed.unit}/s",
+                _symmetric(allowed.velocity),
+                "max_velocity",
             )
-            share = None if may.acceleration is None else SHARE * may.acceleration
-            key = f"{SHARE:.0%} of {may.key}"
-            hard = self._require(name, span, rates, "acceleration", f"{may.unit}/s²", _both(share), key)
-            left = may.braking if may.acceleration is None else min(may.braking, may.acceleration - hard)
+            share = None if allowed.acceleration is None else SHARE * allowed.acceleration
+            key = f"{SHARE:.0%} of {allowed.key}"
+            hard = self._require(
+                name, segment, rates, "acceleration", f"{allowed.unit}/s²", _symmetric(share), key
+            )
+            left = (
+                allowed.braking
+                if allowed.acceleration is None
+                else min(allowed.braking, allowed.acceleration - hard)
+            )
             if top > left / _STEEPEST:
                 ramp = min(ramp, left / top)
         if ramp * LONGEST < 1.0:
-            raise self._endless(span, 1.0 / ramp)
+            raise self._endless(segment, 1.0 / ramp)
         curves = (
-            coefficients(begin, end, span.seconds) for begin, end in zip(span.from_, span.to, strict=True)
+            coefficients(begin, end, segment.seconds)
+            for begin, end in zip(segment.from_, segment.to, strict=True)
         )
-        return Span(span.seconds, ramp, tuple(curves))
+        return StreamSegment(segment.seconds, ramp, tuple(curves))
 
     def _require(
         self,
         name: str,
-        span: Between,
+        segment: SegmentEnds,
         values: Controls,
         what: str,
         unit: str,
         limits: tuple[float, float] | None,
         key: str,
     ) -> float:
-        """Return the largest magnitude of an axis's value within a span; raise LimitError if it exceeds a limit."""
+        """Return the largest magnitude of an axis's value within a segment; raise LimitError if it exceeds a limit."""
         low, high = min(values), max(values)
         if limits is not None and not limits[0] * _COMPUTED <= low <= high <= limits[1] * _COMPUTED:
             low, high = reach(values)
@@ -258,17 +273,17 @@ class CurveFit(PointAccepted[Span]):
                 low, high = max(low, limits[0]), min(high, limits[1])
             else:
                 raise self._too_much(
-                    name, span, what, unit, low if _beyond(low, limits) else high, limits, key
+                    name, segment, what, unit, low if _beyond(low, limits) else high, limits, key
                 )
         return max(-low, high)
 
     def _too_much(
         self,
         name: str,
-        span: Between,
+        segment: SegmentEnds,
         what: str,
         unit: str,
-        seen: float,
+        observed: float,
         limits: tuple[float, float],
         key: str,
     ) -> LimitError:
@@ -279,29 +294,29 @@ class CurveFit(PointAccepted[Span]):
         )
         return LimitError(
             f"{self._text}: point {self.count + 1} takes {name} beyond its {what}",
-            observed=f"{what} {seen:.6g} {unit} between {span.begin.t:.3f} s and {span.end.t:.3f} s of the stream; "
+            observed=f"{what} {observed:.6g} {unit} between {segment.begin.t:.3f} s and {segment.end.t:.3f} s of the stream; "
             f"the allowed {within} {unit} ({key})",
             remedy="give points that are nearer to each other or further apart in time, or change the limit in "
             f"[axes.{name}] of cell.toml; this point was rejected",
         )
 
-    def _endless(self, span: Between, seconds: float) -> LimitError:
+    def _endless(self, segment: SegmentEnds, seconds: float) -> LimitError:
         return LimitError(
             f"{self._text}: the axes could not brake in time along the path after point {self.count + 1}",
-            observed=f"it would take {seconds:.3g} s from {span.begin.t:.3f} s of the stream; {LONGEST:g} s are allowed",
+            observed=f"it would take {seconds:.3g} s from {segment.begin.t:.3f} s of the stream; {LONGEST:g} s are allowed",
             remedy="give points that are slower, or raise deceleration in [axes.NAME.defaults] or max_acceleration in "
             "[axes.NAME] of cell.toml; this point was rejected",
         )
 
 
-def _both(limit: float | None) -> tuple[float, float] | None:
+def _symmetric(limit: float | None) -> tuple[float, float] | None:
     return None if limit is None else (-limit, limit)
 
 
 def _beyond(value: float, limits: tuple[float, float]) -> bool:
     low, high = limits
-    spare = (_COMPUTED - 1.0) * max(abs(low), abs(high))
-    return not low - spare <= value <= high + spare
+    tolerance = (_COMPUTED - 1.0) * max(abs(low), abs(high))
+    return not low - tolerance <= value <= high + tolerance
 
 
 def _motions(points: Sequence[StreamPoint], number: int) -> tuple[Motion, ...]:
@@ -309,18 +324,18 @@ def _motions(points: Sequence[StreamPoint], number: int) -> tuple[Motion, ...]:
     (a, first), (b, second), (c, third) = points
     t = points[number].t
     found = []
-    for x, y, z, here in zip(first, second, third, points[number].place, strict=True):
+    for x, y, z, here in zip(first, second, third, points[number].positions, strict=True):
         before, after = (y - x) / (b - a), (z - y) / (c - b)
         rate = 2.0 * (after - before) / (c - a)
         found.append(Motion(here, before + rate * (t - 0.5 * (a + b)), rate))
     return tuple(found)
 
 
-def _straight(begin: StreamPoint, end: StreamPoint) -> Between:
+def _straight(begin: StreamPoint, end: StreamPoint) -> SegmentEnds:
     seconds = end.t - begin.t
-    speeds = [(b - a) / seconds for a, b in zip(begin.place, end.place, strict=True)]
+    speeds = [(b - a) / seconds for a, b in zip(begin.positions, end.positions, strict=True)]
     from_, to = (
-        tuple(Motion(place, speed, 0.0) for place, speed in zip(point.place, speeds, strict=True))
+        tuple(Motion(position, speed, 0.0) for position, speed in zip(point.positions, speeds, strict=True))
         for point in (begin, end)
     )
-    return Between(begin, end, from_, to)
+    return SegmentEnds(begin, end, from_, to)

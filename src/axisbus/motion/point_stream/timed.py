@@ -4,8 +4,8 @@ Theory of operation
 -------------------
 Between two points runs a polynomial with the given values of both: of degree three with positions only or with velocities, of
 degree five with accelerations. If no velocities are given, they are chosen so that no axis goes beyond the two points around its
-position (Fritsch and Carlson). The motion begins and ends at rest. Before and after it the axes are at standstill for one ``lead``,
-during which the pace of a stream rises and falls. So the axes are at their points at the given times.
+position (Fritsch and Carlson). The motion begins and ends at rest. Before and after it the axes are at standstill for one
+``rest_time``, during which the pace of a stream rises and falls. So the axes are at their points at the given times.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from itertools import pairwise
 from typing import Any, NamedTuple
 
 from axisbus.errors import ArgumentError
-from axisbus.motion.numbers import number, told
-from axisbus.motion.point_stream.curve_fit import Between, Motion, StreamPoint
+from axisbus.motion.numbers import number, short_repr
+from axisbus.motion.point_stream.curve_fit import Motion, SegmentEnds, StreamPoint
 from axisbus.wording import counted
 
-MOST = 4000  # points: as many spans as the core stores
-STILL = 1e-4  # units per s: a lower speed counts as rest
+MAX_POINTS = 4000  # points: as many segments as the core stores
+STANDSTILL_SPEED = 1e-4  # units per s: a lower speed counts as rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,12 +41,14 @@ class _Row(NamedTuple):
     """A point, with optional speeds and accelerations of the axes."""
 
     time: float
-    places: tuple[float, ...]
+    positions: tuple[float, ...]
     speeds: tuple[float, ...] | None
     rates: tuple[float, ...] | None
 
 
-def way_of(points: Sequence[TrajectoryPoint], here: Sequence[float], lead: float, text: str) -> list[Between]:
+def timed_segments(
+    points: Sequence[TrajectoryPoint], here: Sequence[float], rest_time: float, text: str
+) -> list[SegmentEnds]:
     """Return the curve of the axes; it starts at ``here`` if the first point is later than 0. ``text``: beginning of messages.
 
     Raises:
@@ -57,12 +59,16 @@ def way_of(points: Sequence[TrajectoryPoint], here: Sequence[float], lead: float
     _require_times(rows, text)
     if rows[0].time > 0.0:
         rest = tuple(0.0 for _ in here)
-        begin = rows[0]._replace(time=0.0, places=tuple(here))
+        begin = rows[0]._replace(time=0.0, positions=tuple(here))
         rows.insert(0, _given(begin, rest))
     rows[0] = _at_rest(rows[0], f"{text}: its first point")
     rows[-1] = _at_rest(rows[-1], f"{text}: its last point")
     known = rows if rows[0].speeds is not None else _with_speeds(rows)
-    return [_stand(known[0], -lead, 0.0), *map(_between, pairwise(known)), _stand(known[-1], 0.0, lead)]
+    return [
+        _rest_segment(known[0], -rest_time, 0.0),
+        *map(_segment, pairwise(known)),
+        _rest_segment(known[-1], 0.0, rest_time),
+    ]
 
 
 def _given(row: _Row, rest: tuple[float, ...]) -> _Row:
@@ -84,7 +90,7 @@ def _row(count: int, point: TrajectoryPoint, axes: int, text: str) -> _Row:
     )
     if time is None or wrong or found[0] is None:
         raise ArgumentError(
-            f"{text}: point {count} is invalid: {told(point)}",
+            f"{text}: point {count} is invalid: {short_repr(point)}",
             observed=f"a point is a time and {counted(axes, 'finite number')} of each kind",
             remedy="give one number for each axis, in their order; all points were rejected",
         )
@@ -101,10 +107,10 @@ def _numbers(values: Sequence[float]) -> tuple[float, ...] | None:
 
 
 def _require_kinds(rows: Sequence[_Row], text: str) -> None:
-    if not 0 < len(rows) <= MOST:
+    if not 0 < len(rows) <= MAX_POINTS:
         raise ArgumentError(
             f"{text}: {counted(len(rows), 'point')} cannot form a trajectory",
-            remedy=f"give 1 to {MOST} of them",
+            remedy=f"give 1 to {MAX_POINTS} of them",
         )
     kinds = {(row.speeds is not None, row.rates is not None) for row in rows}
     if len(kinds) > 1 or (False, True) in kinds:
@@ -133,7 +139,7 @@ def _at_rest(row: _Row, text: str) -> _Row:
     if row.speeds is None:
         return row
     fastest = max(row.speeds, key=abs, default=0.0)
-    if abs(fastest) > STILL:
+    if abs(fastest) > STANDSTILL_SPEED:
         raise ArgumentError(
             f"{text} is in motion",
             observed=f"its highest velocity is {fastest:.6g} units/s",
@@ -142,19 +148,22 @@ def _at_rest(row: _Row, text: str) -> _Row:
     return row._replace(speeds=tuple(0.0 for _ in row.speeds))
 
 
-def _stand(row: _Row, before: float, after: float) -> Between:
-    still = tuple(Motion(place, 0.0, 0.0) for place in row.places)
-    return Between(
-        StreamPoint(row.time + before, row.places), StreamPoint(row.time + after, row.places), still, still
+def _rest_segment(row: _Row, before: float, after: float) -> SegmentEnds:
+    still = tuple(Motion(place, 0.0, 0.0) for place in row.positions)
+    return SegmentEnds(
+        StreamPoint(row.time + before, row.positions),
+        StreamPoint(row.time + after, row.positions),
+        still,
+        still,
     )
 
 
-def _between(pair: tuple[_Row, _Row]) -> Between:
+def _segment(pair: tuple[_Row, _Row]) -> SegmentEnds:
     begin, end = pair
-    ends = [_ends(begin, end, axis) for axis in range(len(begin.places))]
-    return Between(
-        StreamPoint(begin.time, begin.places),
-        StreamPoint(end.time, end.places),
+    ends = [_ends(begin, end, axis) for axis in range(len(begin.positions))]
+    return SegmentEnds(
+        StreamPoint(begin.time, begin.positions),
+        StreamPoint(end.time, end.positions),
         tuple(one for one, _ in ends),
         tuple(other for _, other in ends),
     )
@@ -164,7 +173,7 @@ def _ends(begin: _Row, end: _Row, axis: int) -> tuple[Motion, Motion]:
     """Return the motion of an axis at both points; without accelerations, those of the polynomial of degree three."""
     assert begin.speeds is not None
     assert end.speeds is not None
-    a, b, v, w = begin.places[axis], end.places[axis], begin.speeds[axis], end.speeds[axis]
+    a, b, v, w = begin.positions[axis], end.positions[axis], begin.speeds[axis], end.speeds[axis]
     if begin.rates is not None and end.rates is not None:
         return Motion(a, v, begin.rates[axis]), Motion(b, w, end.rates[axis])
     seconds = end.time - begin.time
@@ -178,13 +187,15 @@ def _ends(begin: _Row, end: _Row, axis: int) -> tuple[Motion, Motion]:
 def _with_speeds(rows: Sequence[_Row]) -> list[_Row]:
     """Return the points with speeds at which no axis overshoots a point; 0 at both ends."""
     times = [row.time for row in rows]
-    columns = [_speeds(times, [row.places[axis] for row in rows]) for axis in range(len(rows[0].places))]
+    columns = [
+        _speeds(times, [row.positions[axis] for row in rows]) for axis in range(len(rows[0].positions))
+    ]
     return [row._replace(speeds=speeds) for row, speeds in zip(rows, zip(*columns, strict=True), strict=True)]
 
 
-def _speeds(times: Sequence[float], places: Sequence[float]) -> list[float]:
+def _speeds(times: Sequence[float], positions: Sequence[float]) -> list[float]:
     lengths = [b - a for a, b in pairwise(times)]
-    slopes = [(b - a) / length for (a, b), length in zip(pairwise(places), lengths, strict=True)]
+    slopes = [(b - a) / length for (a, b), length in zip(pairwise(positions), lengths, strict=True)]
     inner = (_through(h, g, a, b) for (h, g), (a, b) in zip(pairwise(lengths), pairwise(slopes), strict=True))
     return [0.0, *inner, 0.0]
 

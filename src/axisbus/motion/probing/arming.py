@@ -11,8 +11,8 @@ the counter was the same before and after it. Without a counter, a position belo
 last (see ``latch``). Bits 6 and 7, which toggle in some drives, are vendor-specific in the standard, and prove nothing. The master
 checks a window, so the drive is armed continuously for it.
 
-One transfer runs at a time: ``_ASKED`` gives the object of each step, ``_TAKE`` the function that processes the answer and selects
-the next step.
+One transfer runs at a time: ``_OBJECT_OF`` gives the object of each step, ``_ON_ANSWER`` the function that processes the answer and
+selects the next step.
 """
 
 from __future__ import annotations
@@ -42,10 +42,10 @@ from axisbus.motion.command_status import ProbeCapture
 from axisbus.motion.commands import Probe
 from axisbus.motion.moves.activity import unknown_position
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.probing.sdo_sequence import Exchange
+from axisbus.motion.probing.sdo_sequence import SdoExchange
 
 POLL = 0.01  # seconds between two polls of 60B9h
-_PATIENCE = 1.0  # seconds within which 60B9h must follow 60B8h
+_CONFIRM_TIME = 1.0  # seconds within which 60B9h must follow 60B8h
 
 
 # -- The position window within which an edge of a touch probe counts --------------------------------------------------
@@ -70,25 +70,27 @@ def is_within(position: float, window: Window | None, modulo: float | None) -> b
 class ArmingStep(Enum):
     """The next step of a request."""
 
-    LOOK = auto()  # read 60B8h, because the bits of the other input and of the vendor must not change
+    READ_FUNCTION = (
+        auto()
+    )  # read 60B8h, because the bits of the other input and of the vendor must not change
     CLEAR = auto()
-    SEE_CLEAR = auto()
+    CONFIRM_CLEAR = auto()
     ARM = auto()
-    SEE_ARMED = auto()
-    WATCH = auto()
+    CONFIRM_ARMED = auto()
+    POLLING = auto()
     READ = auto()
     SWITCH_OFF = auto()
     OVER = auto()
 
 
 _FUNCTION, _STATUS = objects.TOUCH_PROBE_FUNCTION, objects.TOUCH_PROBE_STATUS
-_ASKED = {
-    ArmingStep.LOOK: _FUNCTION,
+_OBJECT_OF = {
+    ArmingStep.READ_FUNCTION: _FUNCTION,
     ArmingStep.CLEAR: _FUNCTION,
-    ArmingStep.SEE_CLEAR: _STATUS,
+    ArmingStep.CONFIRM_CLEAR: _STATUS,
     ArmingStep.ARM: _FUNCTION,
-    ArmingStep.SEE_ARMED: _STATUS,
-    ArmingStep.WATCH: _STATUS,
+    ArmingStep.CONFIRM_ARMED: _STATUS,
+    ArmingStep.POLLING: _STATUS,
     ArmingStep.SWITCH_OFF: _FUNCTION,
 }
 
@@ -97,21 +99,21 @@ class Arming:
     """The state of one request; without I/O of its own. ``armed``, ``captures`` and ``fulfilled`` are valid after each ``step``."""
 
     def __init__(
-        self, number: int, asked: Probe | None, parameters: AxisParameters, function: ProbeFunction
+        self, number: int, command: Probe | None, parameters: AxisParameters, function: ProbeFunction
     ) -> None:
-        """``number``: input 1 or 2; ``asked`` None: the input is only switched off."""
+        """``number``: input 1 or 2; ``command`` None: the input is only switched off."""
         self.armed = False
         self.captures: list[ProbeCapture] = []  # of this cycle
-        self.looked = -math.inf  # when the last poll of 60B9h without a new edge began
-        self._asked_at = -math.inf
-        self._number, self._asked = number, asked
+        self.last_poll = -math.inf  # when the last poll of 60B9h without a new edge began
+        self._requested_at = -math.inf
+        self._number, self._command = number, command
         self._parameters = parameters
         self._function = function
-        self._exchange = Exchange(parameters)
-        self._step = ArmingStep.LOOK if function.word is None else ArmingStep.CLEAR
+        self._exchange = SdoExchange(parameters)
+        self._step = ArmingStep.READ_FUNCTION if function.word is None else ArmingStep.CLEAR
         self._due = self._until = 0.0
-        self._missing: set[Edge] = set() if asked is None else set(asked.edges)
-        self._bits = 0 if asked is None else _bits_of(asked)
+        self._missing: set[Edge] = set() if command is None else set(command.edges)
+        self._bits = 0 if command is None else _bits_of(command)
         self._latches = {edge: self._latch(edge) for edge in self._missing}
         self._reading: list[Edge] = []
 
@@ -135,19 +137,19 @@ class Arming:
         """
         self.captures = []
         exchange = self._exchange
-        if exchange.under_way:
+        if exchange.is_active:
             reply = exchange.step(image, order)
             if reply is None:
                 return
-            _TAKE[self._step](self, reply.value or 0, image)
-        if self._step is not ArmingStep.OVER and not exchange.under_way and image.now >= self._due:
-            self._ask(image, order)
+            _ON_ANSWER[self._step](self, reply.value or 0, image)
+        if self._step is not ArmingStep.OVER and not exchange.is_active and image.now >= self._due:
+            self._send_request(image, order)
 
     def switch_off(self, order: CycleOutputs) -> None:
         """Drop the request, and switch the input off."""
         self._exchange.cancel(order)
         self._missing, self._bits, self._due = set(), 0, 0.0
-        self._step = ArmingStep.LOOK if self._function.word is None else ArmingStep.SWITCH_OFF
+        self._step = ArmingStep.READ_FUNCTION if self._function.word is None else ArmingStep.SWITCH_OFF
 
     def drop(self, order: CycleOutputs) -> None:
         """Cancel the active transfer."""
@@ -158,29 +160,31 @@ class Arming:
         counted = self._bits & CONTINUOUS and self._parameters.has(counter)
         return Latch(POSITIONS[self._number, edge], counter if counted else None)
 
-    def _ask(self, image: AxisImage, order: CycleOutputs) -> None:
+    def _send_request(self, image: AxisImage, order: CycleOutputs) -> None:
         index = (
-            self._latches[self._reading[0]].wanted if self._step is ArmingStep.READ else _ASKED[self._step]
+            self._latches[self._reading[0]].next_object
+            if self._step is ArmingStep.READ
+            else _OBJECT_OF[self._step]
         )
-        writes = index == _FUNCTION and self._step is not ArmingStep.LOOK
-        self._asked_at = image.now
-        self._exchange.ask(index, self._word if writes else None, image, order)
+        writes = index == _FUNCTION and self._step is not ArmingStep.READ_FUNCTION
+        self._requested_at = image.now
+        self._exchange.begin(index, self._word if writes else None, image, order)
 
     def _word(self) -> int:
         return self._function.set(self._number, self._bits if self._step is ArmingStep.ARM else 0)
 
     # -- answers of the drive ------------------------------------------------------------------------------------------
 
-    def _looked(self, value: int, _: AxisImage) -> None:
+    def _on_function_read(self, value: int, _: AxisImage) -> None:
         if self._function.word is None:
             self._function.word = value
         self._step = ArmingStep.CLEAR
 
-    def _cleared(self, _: int, image: AxisImage) -> None:
-        self._step = ArmingStep.OVER if not self._bits else ArmingStep.SEE_CLEAR
-        self._until = image.now + _PATIENCE
+    def _on_cleared(self, _: int, image: AxisImage) -> None:
+        self._step = ArmingStep.OVER if not self._bits else ArmingStep.CONFIRM_CLEAR
+        self._until = image.now + _CONFIRM_TIME
 
-    def _seen_clear(self, value: int, image: AxisImage) -> None:
+    def _on_clear_check(self, value: int, image: AxisImage) -> None:
         bits = byte_of(value, self._number) & IN_USE
         if not bits:
             self._step = ArmingStep.ARM
@@ -191,17 +195,17 @@ class Arming:
             "it does not clear its previous latched position when it is switched off",
         )
 
-    def _written(self, _: int, image: AxisImage) -> None:
-        self._step, self._until = ArmingStep.SEE_ARMED, image.now + _PATIENCE
+    def _on_armed(self, _: int, image: AxisImage) -> None:
+        self._step, self._until = ArmingStep.CONFIRM_ARMED, image.now + _CONFIRM_TIME
 
-    def _seen_armed(self, value: int, image: AxisImage) -> None:
+    def _on_armed_check(self, value: int, image: AxisImage) -> None:
         if not byte_of(value, self._number) & IN_USE:
             self._wait(image, f"60B9h is {value:04X}h", "it does not show that it is armed")
             return
-        self.armed, self._step = True, ArmingStep.WATCH
-        self._watched(value, image)
+        self.armed, self._step = True, ArmingStep.POLLING
+        self._on_poll(value, image)
 
-    def _watched(self, value: int, image: AxisImage) -> None:
+    def _on_poll(self, value: int, image: AxisImage) -> None:
         bits = byte_of(value, self._number)
         self._reading = [edge for edge in Edge if edge in self._missing and bits & STORED[edge]]
         if not bits & ENABLED and (not self._reading or self._bits & CONTINUOUS):
@@ -210,45 +214,45 @@ class Arming:
             )
         self._due = image.now if self._reading else image.now + POLL
         if not self._reading:
-            self.looked = self._asked_at
+            self.last_poll = self._requested_at
         else:
             self._step = ArmingStep.READ
             self._latches[self._reading[0]].begin()
 
-    def _read(self, value: int, image: AxisImage) -> None:
+    def _on_position_read(self, value: int, image: AxisImage) -> None:
         edge = self._reading[0]
         latch = self._latches[edge]
         latched = latch.take(value)
         if latched is not None:
-            self._tell(edge, latched, image)
+            self._report(edge, latched, image)
         if not latch.over:
             return
         self._reading.pop(0)
         if self._reading:
             self._latches[self._reading[0]].begin()
         else:
-            self._step, self._due = ArmingStep.WATCH, image.now + POLL
+            self._step, self._due = ArmingStep.POLLING, image.now + POLL
 
-    def _switched_off(self, _: int, __: AxisImage) -> None:
+    def _on_switched_off(self, _: int, __: AxisImage) -> None:
         self._step = ArmingStep.OVER
 
-    def _tell(self, edge: Edge, latched: Latched, image: AxisImage) -> None:
-        assert self._asked is not None
+    def _report(self, edge: Edge, latched: Latched, image: AxisImage) -> None:
+        assert self._command is not None
         position = image.unwrapped(latched.raw)
         if position is None:
-            raise self._unknown_place(image)
+            raise self._unknown_position(image)
         units = self._parameters.units
-        place = units.position.to_units(position - image.origin)
-        if not is_within(place, self._asked.window, units.modulo):
+        in_units = units.position.to_units(position - image.origin)
+        if not is_within(in_units, self._command.window, units.modulo):
             return
         self.captures.append(ProbeCapture(edge, position, image.origin, image.now, latched.missed))
-        if not self._asked.continuous:
+        if not self._command.continuous:
             self._missing.discard(edge)
 
     def _wait(self, image: AxisImage, observed: str, failure: str) -> None:
         """Poll again later; raise ProbeError if this has lasted too long."""
         if image.now > self._until:
-            raise self._failure(failure, f"{observed}, {_PATIENCE:g} s after 60B8h was written")
+            raise self._failure(failure, f"{observed}, {_CONFIRM_TIME:g} s after 60B8h was written")
         self._due = image.now + POLL
 
     def _failure(self, what: str, observed: str) -> ProbeError:
@@ -261,7 +265,7 @@ class Arming:
             "and that no other program or tool writes it",
         )
 
-    def _unknown_place(self, image: AxisImage) -> StaleError:
+    def _unknown_position(self, image: AxisImage) -> StaleError:
         name = self._parameters.name
         return unknown_position(
             image,
@@ -272,9 +276,9 @@ class Arming:
         )
 
 
-def _bits_of(asked: Probe) -> int:
-    continuous = asked.continuous or asked.window is not None
-    return function_bits(asked.edges, asked.source, continuous=continuous)
+def _bits_of(command: Probe) -> int:
+    continuous = command.continuous or command.window is not None
+    return function_bits(command.edges, command.source, continuous=continuous)
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -311,7 +315,7 @@ class Latch:
         self.over = False
 
     @property
-    def wanted(self) -> int:
+    def next_object(self) -> int:
         """The index of the object to read next."""
         if self._counter is None or (self._before is not None and self._raw is None):
             return self._position
@@ -362,13 +366,13 @@ class ProbeFunction:
 # -- What each step does -----------------------------------------------------------------------------------------------
 
 
-_TAKE: dict[ArmingStep, Callable[[Arming, int, AxisImage], None]] = {
-    ArmingStep.LOOK: Arming._looked,
-    ArmingStep.CLEAR: Arming._cleared,
-    ArmingStep.SEE_CLEAR: Arming._seen_clear,
-    ArmingStep.ARM: Arming._written,
-    ArmingStep.SEE_ARMED: Arming._seen_armed,
-    ArmingStep.WATCH: Arming._watched,
-    ArmingStep.READ: Arming._read,
-    ArmingStep.SWITCH_OFF: Arming._switched_off,
+_ON_ANSWER: dict[ArmingStep, Callable[[Arming, int, AxisImage], None]] = {
+    ArmingStep.READ_FUNCTION: Arming._on_function_read,
+    ArmingStep.CLEAR: Arming._on_cleared,
+    ArmingStep.CONFIRM_CLEAR: Arming._on_clear_check,
+    ArmingStep.ARM: Arming._on_armed,
+    ArmingStep.CONFIRM_ARMED: Arming._on_armed_check,
+    ArmingStep.POLLING: Arming._on_poll,
+    ArmingStep.READ: Arming._on_position_read,
+    ArmingStep.SWITCH_OFF: Arming._on_switched_off,
 }

@@ -22,16 +22,16 @@ from axisbus.motion.group.start_barrier import StartBarrier
 class ProbeSearch:
     """Holds the ticket of the search, and those of its axis commands; stepped once per cycle, before the axis."""
 
-    line = None  # it provides no set-points itself
+    motion = None  # it provides no set-points itself
 
     def __init__(self, ticket: CommandStatus, core: AxisCore, command: ProbeMove) -> None:
         self._ticket, self._core, self._command = ticket, core, command
         self._gate = StartBarrier()
-        self._probe = CommandStatus(f"{ticket.name} [probe]", self._hear)
+        self._probe = CommandStatus(f"{ticket.name} [probe]", self._on_probe)
         self._move = CommandStatus(f"{ticket.name} [move]")
         self._halt: CommandStatus | None = None
-        self._seen = False
-        self._arrived = 0.0  # when the move had ended
+        self._edge_seen = False
+        self._arrived_at = 0.0  # when the move had ended
 
     def begin(self) -> None:
         """Arm the input, and let the move wait for that.
@@ -78,10 +78,10 @@ class ProbeSearch:
         """End the search with ``error``: the scan has ended."""
         self._ticket.finish(Status.ERROR, error)
 
-    def _hear(self, probe: CommandStatus) -> None:
+    def _on_probe(self, probe: CommandStatus) -> None:
         if probe.capture is not None:
-            self._seen = True
-            self._ticket.tell(probe.capture)
+            self._edge_seen = True
+            self._ticket.report_capture(probe.capture)
 
     def _go_on(self) -> None:
         if self._halt is not None:
@@ -89,7 +89,7 @@ class ProbeSearch:
                 self._end(self._halt.error)
         elif self._move.error is not None:  # replaced by another command, or failed
             self._end(self._move.error)
-        elif self._seen:
+        elif self._edge_seen:
             self._halt = CommandStatus(f"{self.name} [halt]")
             accept(self._core, c.Halt(), self._halt)
         elif not self._probe.busy:
@@ -98,12 +98,12 @@ class ProbeSearch:
                 or ProbeError(f"{self.name}: its touch probe was switched off", axis=self._command.axis)
             )
         elif not self._move.busy:
-            self._look_once_more()
+            self._wait_for_last_edge()
 
-    def _look_once_more(self) -> None:
+    def _wait_for_last_edge(self) -> None:
         """After the end of the move, wait for an edge that may not have been read yet, then end with ProbeError."""
-        self._arrived = self._arrived or self._core.image.now
-        if self._core.probes.looked_at(self._command.probe.number) <= self._arrived:
+        self._arrived_at = self._arrived_at or self._core.image.now
+        if self._core.probes.last_poll_of(self._command.probe.number) <= self._arrived_at:
             return
         self._end(
             ProbeError(

@@ -19,12 +19,12 @@ from axisbus.motion.stop.diagnosis import boot_and_reset, nmt_text, when_back
 
 @dataclass(slots=True)
 class _Request:
-    """``ticket``: of the request (None once it has ended); ``enders``: tickets that wait until the input is switched off."""
+    """``ticket``: of the request (None once it has ended); ``abort_tickets``: tickets that wait until the input is switched off."""
 
     arming: Arming
     ticket: CommandStatus | None = None
     key: int | None = None
-    enders: list[CommandStatus] = field(default_factory=list)
+    abort_tickets: list[CommandStatus] = field(default_factory=list)
 
 
 class Probes:
@@ -38,7 +38,7 @@ class Probes:
         self._function = ProbeFunction()
         self.latched = 0  # edges that were reported
 
-    def begin(self, asked: Probe, ticket: CommandStatus, image: AxisImage, order: CycleOutputs) -> None:
+    def begin(self, command: Probe, ticket: CommandStatus, image: AxisImage, order: CycleOutputs) -> None:
         """Accept a request; an earlier one for the same input ends as replaced.
 
         Raises:
@@ -47,34 +47,36 @@ class Probes:
         """
         self._require_node(ticket, image)
         require_position(image, self._parameters.name, "a position that its touch probe latches")
-        before = self._replace(asked.number, ticket, order)
-        arming = self._arming(asked.number, asked)
-        self.requests[asked.number] = _Request(arming, ticket, asked.key, before)
+        before = self._replace(command.number, ticket, order)
+        arming = self._arming(command.number, command)
+        self.requests[command.number] = _Request(arming, ticket, command.key, before)
 
-    def abort(self, asked: ProbeAbort, ticket: CommandStatus, image: AxisImage, order: CycleOutputs) -> None:
+    def abort(
+        self, command: ProbeAbort, ticket: CommandStatus, image: AxisImage, order: CycleOutputs
+    ) -> None:
         """Switch an input off, whichever client has armed it; with a ``key``, only if that request has armed it.
 
         Raises:
             StateError: the node is not operational.
         """
-        request = self.requests.get(asked.number)
-        if asked.key is not None and (request is None or request.key != asked.key):
+        request = self.requests.get(command.number)
+        if command.key is not None and (request is None or request.key != command.key):
             self._running.finish(ticket)  # that request has ended, and another one may have followed
             return
         self._require_node(ticket, image)
         if request is None:
-            request = _Request(self._arming(asked.number, None))
-            self.requests[asked.number] = request
+            request = _Request(self._arming(command.number, None))
+            self.requests[command.number] = request
         else:
             self._end(request, Stopped(f"{ticket.name} was asked for"))
             request.arming.switch_off(order)
         ticket.begin()
-        request.enders.append(ticket)
+        request.abort_tickets.append(ticket)
 
-    def looked_at(self, number: int) -> float:
+    def last_poll_of(self, number: int) -> float:
         """Return when the last poll of an armed input without a new edge began (s); infinite without a request."""
         request = self.requests.get(number)
-        return math.inf if request is None else request.arming.looked
+        return math.inf if request is None else request.arming.last_poll
 
     def step(self, image: AxisImage, order: CycleOutputs) -> None:
         """Advance each request by one cycle."""
@@ -99,7 +101,7 @@ class Probes:
         for request in self.requests.values():
             request.arming.drop(order)
             self._end(request, error)
-            self._end_enders(request, error)
+            self._end_abort_tickets(request, error)
         self.requests.clear()
         self._function.word = None
 
@@ -108,7 +110,7 @@ class Probes:
         tickets = [
             ticket
             for request in self.requests.values()
-            for ticket in (request.ticket, *request.enders)
+            for ticket in (request.ticket, *request.abort_tickets)
             if ticket
         ]
         self.requests.clear()
@@ -116,10 +118,10 @@ class Probes:
 
     # -- one request -------------------------------------------------------------------------------------------------
 
-    def _arming(self, number: int, asked: Probe | None) -> Arming:
+    def _arming(self, number: int, command: Probe | None) -> Arming:
         if not self.requests:
             self._function.word = None  # other programs may have written it meanwhile
-        return Arming(number, asked, self._parameters, self._function)
+        return Arming(number, command, self._parameters, self._function)
 
     def _replace(self, number: int, ticket: CommandStatus, order: CycleOutputs) -> list[CommandStatus]:
         """End the previous request, and return the tickets that wait until its input is switched off; they continue to wait."""
@@ -129,27 +131,27 @@ class Probes:
         request.arming.drop(order)
         if request.ticket is not None:
             self._end(request, Replaced(f"{request.ticket.name} was replaced by {ticket.name}"))
-        return request.enders
+        return request.abort_tickets
 
     def _step(self, number: int, request: _Request, image: AxisImage, order: CycleOutputs) -> None:
         arming, ticket = request.arming, request.ticket
         was_armed = arming.armed
         arming.step(image, order)
         if ticket is not None:
-            self._tell(request, ticket, became_armed=arming.armed and not was_armed)
+            self._report(request, ticket, became_armed=arming.armed and not was_armed)
             if request.ticket is None:  # all requested edges were reported
                 arming.switch_off(order)
-        if arming.over or (arming.armed and request.enders and request.ticket is not None):
-            self._end_enders(request, None)
+        if arming.over or (arming.armed and request.abort_tickets and request.ticket is not None):
+            self._end_abort_tickets(request, None)
         if arming.over:
             del self.requests[number]
 
-    def _tell(self, request: _Request, ticket: CommandStatus, *, became_armed: bool) -> None:
+    def _report(self, request: _Request, ticket: CommandStatus, *, became_armed: bool) -> None:
         if became_armed:
             ticket.begin()
             self._running.ended = True  # wakes clients that wait for it
         for capture in request.arming.captures:
-            ticket.tell(capture)
+            ticket.report_capture(capture)
             self.latched += 1
             self._running.ended = True
         if request.arming.fulfilled:
@@ -159,7 +161,7 @@ class Probes:
         """Switch the input off after a failure if the drive accepts it; if switching off has failed, drop the request."""
         switching_off = request.ticket is None
         self._end(request, error)
-        self._end_enders(request, error)
+        self._end_abort_tickets(request, error)
         if switching_off:
             request.arming.drop(order)
             del self.requests[number]
@@ -171,9 +173,9 @@ class Probes:
         if ticket is not None:
             self._running.finish(ticket, error)
 
-    def _end_enders(self, request: _Request, error: AxisbusError | None) -> None:
-        enders, request.enders = request.enders, []
-        for ticket in enders:
+    def _end_abort_tickets(self, request: _Request, error: AxisbusError | None) -> None:
+        abort_tickets, request.abort_tickets = request.abort_tickets, []
+        for ticket in abort_tickets:
             self._running.finish(ticket, error)
 
     # -- the node ----------------------------------------------------------------------------------------------------

@@ -17,21 +17,21 @@ _TRIES = 3  # transfers may be repeated safely: they read, or write a fixed valu
 Value = Callable[[], int]
 
 
-class Exchange:
+class SdoExchange:
     """Holds the active transfer, if any."""
 
-    __slots__ = ("_deadline", "_id", "_index", "_name", "_patience", "_tries", "_value", "under_way")
+    __slots__ = ("_deadline", "_id", "_index", "_name", "_timeout", "_tries", "_value", "is_active")
 
     def __init__(self, parameters: AxisParameters) -> None:
-        self._name, self._patience = parameters.name, parameters.timing.sdo
-        self.under_way = False
+        self._name, self._timeout = parameters.name, parameters.timing.sdo
+        self.is_active = False
         self._id: int | None = None
         self._index = 0
         self._value: Value | None = None
         self._tries = 0
         self._deadline = 0.0
 
-    def ask(self, index: int, value: Value | None, image: AxisImage, order: CycleOutputs) -> None:
+    def begin(self, index: int, value: Value | None, image: AxisImage, order: CycleOutputs) -> None:
         """Begin a transfer; ``value`` returns the value to write at the time of sending (None: read)."""
         self._index, self._value, self._tries = index, value, 0
         self._send(image, order)
@@ -45,23 +45,23 @@ class Exchange:
         reply = image.replies.get(self._id) if self._id is not None else None
         if reply is None:
             if image.now > self._deadline:
-                self._again(image, order)
+                self._retry(image, order)
             return None
         if reply.abort == abort.TIMED_OUT:
-            self._again(image, order)
+            self._retry(image, order)
             return None
-        self._id, self.under_way = None, False
+        self._id, self.is_active = None, False
         if reply.abort is not None:
-            raise self._refused(reply.abort)
+            raise self._refused_error(reply.abort)
         return reply
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the active transfer; an answer that comes nevertheless is ignored."""
         if self._id is not None:
             order.cancel.append(self._id)
-        self._id, self.under_way = None, False
+        self._id, self.is_active = None, False
 
-    def _again(self, image: AxisImage, order: CycleOutputs) -> None:
+    def _retry(self, image: AxisImage, order: CycleOutputs) -> None:
         self.cancel(order)
         if self._tries >= _TRIES:
             raise DriveError(
@@ -73,11 +73,11 @@ class Exchange:
 
     def _send(self, image: AxisImage, order: CycleOutputs) -> None:
         self._tries += 1
-        self._deadline = image.now + self._patience
+        self._deadline = image.now + self._timeout
         self._id = order.request(self._index, 0, None if self._value is None else self._value())
-        self.under_way = True
+        self.is_active = True
 
-    def _refused(self, code: int) -> DriveError:
+    def _refused_error(self, code: int) -> DriveError:
         refused = (
             "does not allow it to be read" if self._value is None else f"does not accept {self._value():04X}h"
         )

@@ -33,7 +33,7 @@ from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.activity import require_position
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.motion.parameters import NOISE, AxisParameters
-from axisbus.motion.position_limits import Room, narrowed, widened
+from axisbus.motion.position_limits import PositionRange, narrowed, widened
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.stop_sequence import StopLevel
 from axisbus.motion.stop_deceleration import BRAKES, CommandedMotion
@@ -80,7 +80,9 @@ class LimitMonitor:
         self._parameters = parameters
         self._position, self._demand = VelocityEstimator(), VelocityEstimator()
         edges = parameters.position_edges
-        self._edges = None if edges is None else Room(*edges)  # in increments, relative to the origin
+        self._edges = (
+            None if edges is None else PositionRange(*edges)
+        )  # in increments, relative to the origin
         self._room = self._edges  # widened to the rest position of an axis that rests beyond them
         self._origin: int | None = None  # to which the room refers
         self._free_since: float | None = None
@@ -181,7 +183,7 @@ class LimitMonitor:
         returns = not image.standstill and (velocity > 0) == (where < low)
         return not returns and (torque is None or torque * self._outward > 0)
 
-    def _follow_back(self, image: AxisImage, edges: Room, where: int) -> None:
+    def _follow_back(self, image: AxisImage, edges: PositionRange, where: int) -> None:
         """Widen the limits to the rest position of an axis beyond them; narrow them again while the axis moves back."""
         if edges.has(where):
             self._room = edges
@@ -485,7 +487,7 @@ def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tupl
 
 def _only_wanders(track: VelocityEstimator, direction: int) -> bool:
     """Whether a track has moved in ``direction`` by no more than encoder noise."""
-    return track.gone * direction <= NOISE
+    return track.change * direction <= NOISE
 
 
 def _fastest(track: VelocityEstimator, direction: int, course: CommandedMotion, time: float) -> float:

@@ -9,7 +9,7 @@ from axisbus.client_support.dead_man import DeadMan
 from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, Interrupted, Replaced, seen_of
 from axisbus.ipc.rate import Bucket
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.lease import PageLease, Refusal, Seat
@@ -99,7 +99,7 @@ class PageClients:
         self._end_jog(place)
         self.trials.leave(place.seat.number)
         for handle in (*place.under_way, *place.jogs):
-            look_at_end(handle)  # no page is left to report the end to
+            mark_end_as_read(handle)  # no page is left to report the end to
 
     def hear(self, place: PageClient, text: str, now: float) -> None:
         """Process a message of a page. Beyond the page's message rate, only halts and stops are processed."""
@@ -135,7 +135,7 @@ class PageClients:
         """
         self.let_go()
         for handle in stop(self._stops, PageAction(PageVerb.QUICK_STOP_ALL, tuple(self._machine.axes))):
-            look_at_end(handle)  # the axes show the result
+            mark_end_as_read(handle)  # the axes show the result
 
     def let_go(self, axes: Collection[str] | None = None) -> None:
         """End the jogs, and the trial, of these axes (None: all) after a stop; a jog needs a new press to start again."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 from axisbus.client_support.dead_man import DeadMan
 from axisbus.errors import AxisbusError, StateError
-from axisbus.machine.handle import Handle, look_at_end
+from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING, AxisState
@@ -156,7 +156,7 @@ class Trials:
     def _send(self, running: _Running, do: NextAction) -> None:
         step = running.trial.step
         if running.handle is not None:
-            look_at_end(running.handle)  # if it has not arrived, the command back replaces it
+            mark_end_as_read(running.handle)  # if it has not arrived, the command back replaces it
         try:
             running.handle = self._go(step) if do is NextAction.GO else self._return(step)
         except AxisbusError as error:
@@ -182,13 +182,13 @@ class Trials:
             running.trial.disturb(why)
         axis = self._machine[running.trial.step.axis]
         if (running.handle is not None and running.handle.busy) or axis.snapshot.state in MOVING:
-            look_at_end(axis.halt())
+            mark_end_as_read(axis.halt())
         self._close(running)
 
     def _close(self, running: _Running) -> None:
         running.recording.end()
         if running.handle is not None:
-            look_at_end(running.handle)
+            mark_end_as_read(running.handle)
         self._running = None
         parameters = self._machine.session.axes[running.trial.step.axis].parameters
         self._outcomes[running.number] = made = outcome(
