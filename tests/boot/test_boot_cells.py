@@ -11,7 +11,7 @@ import pytest
 from axisbus import Machine, Recorder, eds
 from axisbus.boot.configure import DriveMonitoringSetup
 from axisbus.boot.node import NodeBoot
-from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, stop_ladder
+from axisbus.boot.stop_report import NO_WATCHDOG, Watchdog, stop_sequence_report
 from axisbus.cell.reader import load as load_cell
 from axisbus.cell.scale_proposal import compare
 from axisbus.cia301.nmt import NmtCommand, NmtState
@@ -409,7 +409,7 @@ event_timer = "50ms"
 
 def test_reports_of_the_stop_sequence_name_coasting():
     codes = {0x605A: 0, 0x605C: 0, 0x605D: 1, 0x605E: 2, 0x6007: None}
-    report = stop_ladder("x", codes, StopTimes(1.0, 2.0, 3.0), HoldsLoad.BRAKE)
+    report = stop_sequence_report("x", codes, StopTimes(1.0, 2.0, 3.0), HoldsLoad.BRAKE)
     rows = {title: (what, text) for title, what, text in report.rows}
     assert rows["2 quick stop"][0] == "605Ah = 0"
     assert "coasts" in rows["2 quick stop"][1]

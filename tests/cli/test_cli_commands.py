@@ -118,7 +118,7 @@ def test_boot_as_json(axisbus):
     reports = json.loads(out)
     assert code == 0
     assert [report["node"] for report in reports] == [1, 2, 3]
-    assert reports[0]["axes"][0]["stop_ladder"][0]["rung"] == "1 halt"
+    assert reports[0]["axes"][0]["stop_sequence"][0]["step"] == "1 halt"
     assert reports[0]["axes"][0]["scale"]["agrees"] is True
 
 

@@ -11,7 +11,7 @@ import pytest
 
 from axisbus.cli.shared.common import in_commands
 from axisbus.errors import AdapterError, AxisbusError, StateError
-from axisbus.motion.stop.diagnosis import ANEW, start_and_reset
+from axisbus.motion.stop.diagnosis import REOPEN, start_and_reset
 from axisbus.web.view import in_page_terms
 from kit import command_line
 
@@ -82,7 +82,7 @@ def test_the_remedies_on_the_page_name_its_buttons():
             "start it (axisbus nmt start 2 --cell my.toml), and reset the axis: axisbus reset my.toml x",
         ),
         (
-            f"mend it; then {ANEW}",
+            f"mend it; then {REOPEN}",
             "mend it; then if the machine is already running, end it (Ctrl-C in axisbus run) and start it again; then repeat "
             "the command",
         ),

@@ -145,7 +145,7 @@ def test_images_that_a_program_does_not_take_are_counted_and_reported_to_it_once
 )
 def test_control_is_not_taken_if_the_halt_of_an_axis_ends_with_an_error(scene, ends, why):
     session, clients = scene.session, scene.clients
-    times = SimpleNamespace(stop_times=SimpleNamespace(ladder=0.1))
+    times = SimpleNamespace(stop_times=SimpleNamespace(stop_sequence=0.1))
     session.axes = {name: SimpleNamespace(parameters=times) for name in ends}
     session.snapshots = {name: SimpleNamespace(state=AxisState.CONTINUOUS_MOTION) for name in ends}
     clients.core.scan = SimpleNamespace(hold_to_run=lambda *_: None)

@@ -44,10 +44,10 @@ def test_a_running_halt_becomes_a_quick_stop():
     made = turning(rig("x"))
     made.axis.halt()
     made.run(0.02)
-    assert made.core.ladder.rung is StopLevel.HALT
+    assert made.core.stop_sequence.level is StopLevel.HALT
     made.scan.intrude(error(), ["x"])
     made.run(0.02)
-    assert made.core.ladder.rung is StopLevel.QUICK_STOP
+    assert made.core.stop_sequence.level is StopLevel.QUICK_STOP
     made.run(1.0)
     assert isinstance(made.axis.error, SecondMasterError)
 

@@ -24,30 +24,30 @@ INF = math.inf
 FORGOTTEN = {
     Loss.OPERATION: {
         "running.set_point": (SetPoint(5, "x", 1.0), None),
-        "image.led.set_point": (500, None),
-        "image.led.set_point_at": (1.0, -INF),
-        "image.led.taken": (500, None),
-        "image.led.searching_since": (1.0, INF),
+        "image.reference_tracker.set_point": (500, None),
+        "image.reference_tracker.set_point_at": (1.0, -INF),
+        "image.reference_tracker.taken": (500, None),
+        "image.reference_tracker.homing_since": (1.0, INF),
     },
     Loss.POWER: {
         "last_target": (500, None),
-        "stopping.set_going_at": (1.0, -INF),
-        "image.led.target": (500, None),
-        "image.led.rate": (100, 0),
-        "image.led._left_at": (1.0, None),
-        "image.led._before": (500, None),
-        "image.led.trust._before": (500, None),
-        "image.led.trust._anchored": (True, False),
-        "image.led.trust._seen": (2, 0),
-        "supervision.following._led": (500, None),
-        "supervision.following.led_at": (1.0, -INF),
+        "stopping.motion_requested_at": (1.0, -INF),
+        "image.reference_tracker.target": (500, None),
+        "image.reference_tracker.rate": (100, 0),
+        "image.reference_tracker._targets_ended_at": (1.0, None),
+        "image.reference_tracker._before": (500, None),
+        "image.reference_tracker.trust._before": (500, None),
+        "image.reference_tracker.trust._anchored": (True, False),
+        "image.reference_tracker.trust._seen": (2, 0),
+        "supervision.following._commanded_position": (500, None),
+        "supervision.following.commanded_at": (1.0, -INF),
         "supervision.following._misses": (1, 0),
         "supervision.following._since": (1.0, INF),
         "supervision.following._stamp": (1.0, -INF),
         "supervision.following._bit_was_clear": (True, False),
-        "supervision._resting.place": (500, None),
+        "supervision._resting.rest_position": (500, None),
         "supervision._resting._misses": (1, 0),
-        "supervision._resting._way": (7.0, 0.0),
+        "supervision._resting._distance": (7.0, 0.0),
     },
     Loss.COUNT: {
         "image.shown_demand": (500, None),
@@ -60,7 +60,13 @@ FORGOTTEN = {
 }
 # Begun again by a method of their own, or with other values than a fixed one (tested below).
 BEGUN = {
-    *("image.led.since", "image.led.trust._given", "image.still", "image.still_demand", "image.loss"),
+    *(
+        "image.reference_tracker.since",
+        "image.reference_tracker.trust._given",
+        "image.still",
+        "image.still_demand",
+        "image.loss",
+    ),
     *("supervision.following._activity", "supervision.following._mode", "supervision.following._peak"),
 }
 # No state of a motion: feedback of each cycle, permanent properties of the axis, and states that end without a reset.
@@ -78,7 +84,7 @@ SHOWN = {
         "operational",
         "overdue",
         "restarted",
-        "heard",
+        "since_restart",
         "duplicate",
         "lag",
         "override",
@@ -118,13 +124,13 @@ FOR_GOOD = {
         "velocity_transfer",
         "guarded",
     ),
-    *("_demands_with_positions", "flight", "led", "origin"),
+    *("_demands_with_positions", "flight", "origin", "reference_tracker"),
 }
 KEPT = {
     "image": SHOWN | FOR_GOOD,
     # The mode is noted in each cycle; whether the drive is idle follows from the states and modes that it shows.
-    "image.led": {"trust", "_mode", "_period", "_quick", "idle"},
-    "image.led.trust": {
+    "image.reference_tracker": {"trust", "_mode", "_period", "_quick", "idle"},
+    "image.reference_tracker.trust": {
         "_use",
         "_window",
         "everywhere",
@@ -137,7 +143,7 @@ KEPT = {
         "_resets",
         "_tickets",
         "kind",
-        "ladder",
+        "stop_sequence",
         "locks",
         "power_note",
         "reason",
@@ -145,25 +151,25 @@ KEPT = {
     "supervision.following": {"_parameters", "_window"},
     # Of its next position or velocity on.
     "supervision._resting": {
-        *("_allowed", "_parameters", "_per_velocity", "_pulls", "_since", "_stamp", "_why"),
+        *("_allowed", "_parameters", "_per_velocity", "_pulled_at", "_since", "_stamp", "_why"),
     },
     # The parts of an axis, and attributes set by its commands: each is in one of the lists itself or ends with its command.
     "": {
         *(
             "_arrival",
-            "_aftermath",
+            "_fault_reaction",
             "_broken",
-            "_cruise",
+            "_fast_path",
             "_has_restarted",
-            "_keeps_target",
+            "_sends_target_by_sync",
             "_needs_homing",
             "_confirmed_origin",  # of a drive that keeps its count: it is used when its node has been booted again
             "node_boots",
-            "_stopped_for_sure",
+            "_stop_confirmed",
             "_fault_diagnosis",
         ),
         *(
-            "_was_calm",
+            "_was_uneventful",
             "capabilities",
             "error",
             "forward",
@@ -180,8 +186,8 @@ KEPT = {
             "probes",
             "profile_type",
             "queue",
-            "rest_waits",
-            "run_down",
+            "standstill_waiters",
+            "coast_down",
             "running",
             "state",
         ),
@@ -191,8 +197,8 @@ KEPT = {
 PARTS = {
     "": AxisCore,
     "image": AxisImage,
-    "image.led": ReferenceTracker,
-    "image.led.trust": DemandTrust,
+    "image.reference_tracker": ReferenceTracker,
+    "image.reference_tracker.trust": DemandTrust,
     "running": ActiveCommand,
     "stopping": Stopping,
     "supervision.following": FollowingErrorMonitor,
@@ -238,20 +244,20 @@ def test_a_loss_resets_its_list_and_those_of_the_smaller_losses(loss):
 
 def test_a_loss_of_power_restarts_each_watch_and_a_loss_of_the_count_each_position_window():
     core = rig().core
-    core.image.led.trust.gives(500)
+    core.image.reference_tracker.trust.add_set_point(500)
     core.supervision.following._mode = 1
     for stamp in range(100):
         core.image.still.feed(0.0, float(stamp))
         core.image.still_demand.feed(0.0, float(stamp))
     core.forget(Loss.POWER)
-    assert core.image.led.since == core.image.now
+    assert core.image.reference_tracker.since == core.image.now
     assert core.supervision.following._mode is None
     assert core.image.still.still
-    assert core.image.led.trust._given
+    assert core.image.reference_tracker.trust._given
     core.forget(Loss.COUNT)
     assert not core.image.still.still
     assert not core.image.still_demand.still
-    assert not core.image.led.trust._given
+    assert not core.image.reference_tracker.trust._given
 
 
 def unseen(option: int) -> Rig:

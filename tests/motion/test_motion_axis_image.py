@@ -16,7 +16,7 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.moves.setpoint import HandshakePhase, SetPoint
-from axisbus.motion.moves.setpoint_confirmation import SetPointConfirmation, proof_of
+from axisbus.motion.moves.setpoint_confirmation import SetPointConfirmation, confirmation_for
 from axisbus.motion.moves.setpoint_without_ack import TimedSetPoint
 from axisbus.motion.parameters import DemandUse, HoldsLoad, StopTimes
 from axisbus.motion.stop.coast_down import CoastDown
@@ -336,8 +336,8 @@ class Fall:
     def __init__(self, *, then=AfterStop.HOLD, start=StopLevel.HALT, **changes) -> None:
         times = StopTimes(halt=0.3, quick_stop=0.2, disable=0.2)
         self.parameters = parameters("x", dictionary_of(GENERIC), stop_times=times, **changes)
-        self.ladder = StopSequence(self.parameters, then, start=start)
-        self.run_down = CoastDown(self.parameters)
+        self.stop_sequence = StopSequence(self.parameters, then, start=start)
+        self.coast_down = CoastDown(self.parameters)
         self.image = fresh_image()
         self.order = CycleOutputs()
         self.order.goal = PowerState.OPERATION_ENABLED
@@ -353,8 +353,8 @@ class Fall:
             Inputs(self.now, True, status, values["mode"], values["position"], None, None, None, (), sdo)
         )
         self.order.clear()
-        self.run_down.look(self.image, touched=True)
-        self.done = self.ladder.step(self.image, self.order, self.run_down)
+        self.coast_down.look(self.image, touched=True)
+        self.done = self.stop_sequence.step(self.image, self.order, self.coast_down)
         self.now += T
         return self.order.outputs(self.image.state)
 
@@ -375,9 +375,9 @@ def test_standstill_on_the_first_step_ends_the_stop_sequence():
     assert (out.controlword, out.target_velocity, out.target_torque) == (0x10F, 0, 0)
     fall.steps(0.1, ENABLED, moving=False)
     assert fall.done
-    assert fall.ladder.confirmed
-    assert fall.ladder.path == [StopLevel.HALT]
-    assert not fall.ladder.descended
+    assert fall.stop_sequence.confirmed
+    assert fall.stop_sequence.path == [StopLevel.HALT]
+    assert not fall.stop_sequence.escalated
 
 
 def test_each_deadline_of_the_stop_sequence_leads_to_the_next_step():
@@ -393,21 +393,21 @@ def test_each_deadline_of_the_stop_sequence_leads_to_the_next_step():
     assert words[1][1] == pytest.approx(0.3, abs=0.03)
     assert words[2][1] == pytest.approx(0.5, abs=0.05)
     assert last.nmt_stop
-    assert fall.ladder.path == [
+    assert fall.stop_sequence.path == [
         StopLevel.HALT,
         StopLevel.QUICK_STOP,
         StopLevel.DISABLE_VOLTAGE,
         StopLevel.NMT_STOP,
     ]
-    assert not fall.ladder.confirmed
-    assert fall.ladder.late == ["halt_time", "quick_stop_time", "disable_time"]
+    assert not fall.stop_sequence.confirmed
+    assert fall.stop_sequence.late == ["halt_time", "quick_stop_time", "disable_time"]
 
 
 def test_asking_again_gives_no_more_time():
     fall = Fall()
     for _ in range(29):
         fall.step(ENABLED, moving=True)
-        fall.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
+        fall.stop_sequence.harden(AfterStop.HOLD, StopLevel.HALT)
     out = fall.steps(0.03, ENABLED, moving=True)
     assert out.controlword & 0x0F == 0x02
 
@@ -415,7 +415,7 @@ def test_asking_again_gives_no_more_time():
 def test_asking_for_less_does_not_climb_up_again():
     fall = Fall(start=StopLevel.QUICK_STOP)
     fall.step(ENABLED, moving=True)
-    fall.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
+    fall.stop_sequence.harden(AfterStop.HOLD, StopLevel.HALT)
     assert fall.step(ENABLED, moving=True).controlword & 0x0F == 0x02
 
 
@@ -441,8 +441,8 @@ def test_values_read_by_sdo_confirm_the_stop():
         reads = {r.index: r.id for r in out.sdo if r.value is None}
         if fall.done:
             break
-    assert fall.ladder.confirmed
-    assert fall.ladder.seen is PowerState.SWITCH_ON_DISABLED
+    assert fall.stop_sequence.confirmed
+    assert fall.stop_sequence.seen is PowerState.SWITCH_ON_DISABLED
 
 
 def test_a_drive_that_is_not_driven_has_stopped():
@@ -450,7 +450,7 @@ def test_a_drive_that_is_not_driven_has_stopped():
         fall = Fall()
         fall.step(word, moving=True)
         assert fall.done
-        assert fall.ladder.confirmed
+        assert fall.stop_sequence.confirmed
 
 
 def test_disabling_waits_for_the_last_step_down():
@@ -464,7 +464,7 @@ def test_disabling_waits_for_the_last_step_down():
     assert not fall.done
     fall.steps(0.2, OFF, moving=False)  # off, and standstill seen
     assert fall.done
-    assert fall.ladder.confirmed
+    assert fall.stop_sequence.confirmed
 
 
 def test_standstill_seen_before_the_step_could_act_does_not_count():
@@ -489,8 +489,8 @@ def test_a_load_on_the_motor_is_not_dropped_at_any_deadline():
             break
     assert fall.done
     assert all(word & 0x02 for word in words)  # enable voltage: bit 1 is never taken away
-    assert fall.ladder.spared
-    assert not fall.ladder.confirmed
+    assert fall.stop_sequence.power_left_on
+    assert not fall.stop_sequence.confirmed
 
 
 def test_a_load_in_a_torque_mode_is_taken_over_by_a_mode_that_holds():
@@ -647,7 +647,7 @@ def test_a_falling_bit_10_confirms_the_set_point_only_at_standstill(moves, seen)
 def test_a_target_that_the_drive_had_taken_before_needs_no_proof(set_point, taken, known):
     """An axis that something holds, with bit 10 low: it does not approach, and the drive has the target anyhow."""
     drive = Drive()
-    drive.image.led.set_point, drive.image.led.taken = set_point, taken
+    drive.image.reference_tracker.set_point, drive.image.reference_tracker.taken = set_point, taken
     proof = given_edge(drive, 5_000, statusword=ENABLED, position=1_000)
     blamed = False
     for _ in range(640):
@@ -657,14 +657,14 @@ def test_a_target_that_the_drive_had_taken_before_needs_no_proof(set_point, take
             blamed = True
             break
     assert blamed is not known
-    assert (drive.image.led.taken == 5_000) is known
+    assert (drive.image.reference_tracker.taken == 5_000) is known
     assert not proof.seen
 
 
 @pytest.mark.parametrize(("place", "seen"), [(2_501, True), (2_500, False)])
 def test_bit_10_set_again_nearer_to_the_new_target_confirms_it(place, seen):
     drive = Drive()
-    drive.image.led.set_point = 0
+    drive.image.reference_tracker.set_point = 0
     proof = given_edge(drive, 5_000, statusword=ENABLED, position=place)
     proof.step(drive.cycle(statusword=ENABLED, position=place)[0])
     assert not proof.seen
@@ -675,7 +675,7 @@ def test_bit_10_set_again_nearer_to_the_new_target_confirms_it(place, seen):
 @pytest.mark.parametrize(("before", "position"), [(0, None), (None, 4_000), (None, None)])
 def test_bit_10_set_again_confirms_nothing_without_a_position_or_an_old_target(before, position):
     drive = Drive()
-    drive.image.led.set_point = before
+    drive.image.reference_tracker.set_point = before
     proof = given_edge(drive, 5_000, statusword=ENABLED, position=position)
     proof.step(drive.cycle(statusword=ENABLED, position=position)[0])
     proof.step(drive.cycle(statusword=ENABLED | BIT_10, position=position)[0])
@@ -701,7 +701,9 @@ def test_an_axis_at_standstill_at_its_target_needs_no_further_approach():
 def proved(word_at) -> tuple[SetPointConfirmation, float]:
     """A set-point without 6064h and 6062h, ``word_at(time)`` being the statusword; until it is proved, or 10 s."""
     img, order, point = fresh_image(), CycleOutputs(), TimedSetPoint(5_000, "x", 1.0)
-    proof = proof_of(point, MoveProfile(100, 100, 100, 100.0, 100.0), parameters("x", dictionary_of(GENERIC)))
+    proof = confirmation_for(
+        point, MoveProfile(100, 100, 100, 100.0, 100.0), parameters("x", dictionary_of(GENERIC))
+    )
     now = 0.0
     while not proof.seen and now < 10.0:
         seen(img, now, statusword=word_at(now))
@@ -734,7 +736,7 @@ def test_without_6064h_an_unconfirmed_set_point_fails(word_at):
 
 def test_with_bit_12_no_other_confirmation_is_used():
     assert (
-        proof_of(
+        confirmation_for(
             SetPoint(5_000, "x", 1.0),
             MoveProfile(100, 100, 100, None, None),
             parameters("x", dictionary_of(GENERIC)),

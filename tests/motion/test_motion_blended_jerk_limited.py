@@ -34,23 +34,23 @@ def ahead_on(profile: BlendedProfile, ramp: float, window: int = WINDOW) -> Smoo
 
 def gone(ahead: SmoothedProfile) -> list[tuple[float, float]]:
     """Time of the mean, and place, from rest to the end."""
-    rows = [(ahead.t, ahead.led.place)]
+    rows = [(ahead.t, ahead.reference.position)]
     while ahead.t < ahead.profile.duration:
         ahead.advance(T)
-        rows.append((ahead.t, ahead.led.place))
+        rows.append((ahead.t, ahead.reference.position))
         assert len(rows) < 50_000
     return rows
 
 
-def highest(places: list[float], order: int) -> float:
+def highest(positions: list[float], order: int) -> float:
     for _ in range(order):
-        places = [(b - a) / T for a, b in pairwise(places)]
-    return max(map(abs, places))
+        positions = [(b - a) / T for a, b in pairwise(positions)]
+    return max(map(abs, positions))
 
 
-def passing(rows: list[tuple[float, float]], place: float) -> tuple[float, float]:
+def passing(rows: list[tuple[float, float]], position: float) -> tuple[float, float]:
     """The speed and the acceleration with which a place is passed for the first time."""
-    number = next(k for k, (_, here) in enumerate(rows) if here >= place)
+    number = next(k for k, (_, here) in enumerate(rows) if here >= position)
     a, b, c = (rows[number + k][1] for k in (-1, 0, 1))
     return (c - a) / (2 * T), (c - 2 * b + a) / T**2
 
@@ -65,11 +65,11 @@ def test_a_jerk_limited_transition_has_the_velocity_of_its_mode_and_no_accelerat
     assert speed == pytest.approx(mode.velocity(first, second), abs=0.01)
     assert abs(rate) < 0.01 * 200.0
     assert rows[-1][1] == 200.0
-    places = [place for _, place in rows]
-    assert highest(places, 2) <= 400.0 * (1 + 1e-9)
-    assert highest(places, 3) <= 2.0 * 400.0 / MEAN * (1 + 1e-9)
+    positions = [position for _, position in rows]
+    assert highest(positions, 2) <= 400.0 * (1 + 1e-9)
+    assert highest(positions, 3) <= 2.0 * 400.0 / MEAN * (1 + 1e-9)
     joint = profile.transitions[0]
-    due = next(place for t, place in rows if t >= profile.passed_at(joint))
+    due = next(position for t, position in rows if t >= profile.passed_at(joint))
     assert due == pytest.approx(100.0, abs=joint.speed * T)
 
 
@@ -77,11 +77,11 @@ def test_before_a_reversal_the_stop_is_reached_and_seen():
     legs = [Leg(100.0, 80.0, 200.0, 200.0), Leg(20.0, 80.0, 200.0, 200.0, BufferMode.HIGH)]
     profile = profile_from_rest(0.0, legs, MEAN)
     rows = gone(ahead_on(profile, 200.0))
-    assert max(place for _, place in rows) == pytest.approx(100.0, abs=1e-9)
+    assert max(position for _, position in rows) == pytest.approx(100.0, abs=1e-9)
     assert profile.transitions[0].turns
-    due = [place for t, place in rows if t >= profile.passed_at(profile.transitions[0])]
+    due = [position for t, position in rows if t >= profile.passed_at(profile.transitions[0])]
     assert due[0] == pytest.approx(100.0, abs=1e-9)
-    assert highest([place for _, place in rows], 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
+    assert highest([position for _, position in rows], 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
 def test_moves_too_short_for_their_jerk_limit_are_blended_at_nearly_the_velocity():
@@ -93,8 +93,8 @@ def test_moves_too_short_for_their_jerk_limit_are_blended_at_nearly_the_velocity
     profile = profile_from_rest(0.0, legs, MEAN)
     assert [joint.speed for joint in profile.transitions] == [60.0, 60.0, 60.0, 0.0]
     rows = gone(ahead_on(profile, 200.0))
-    for place in (100.0, 102.0, 104.0):
-        assert passing(rows, place)[0] == pytest.approx(60.0, abs=3.0)
+    for position in (100.0, 102.0, 104.0):
+        assert passing(rows, position)[0] == pytest.approx(60.0, abs=3.0)
 
 
 @pytest.mark.parametrize("moment", [0.0, 0.03, 0.06, 0.09])
@@ -113,11 +113,11 @@ def test_a_move_that_joins_on_a_segment_shorter_than_its_mean_continues(moment):
     ahead = ahead_on(profile, 500.0)
     while ahead.time.t < t:
         ahead.advance(T)
-    ahead.profile, places = longer, [ahead.led.place]
-    places += [place for _, place in gone(ahead)][1:]
-    assert places == sorted(places)
-    assert places[-1] == 90.0
-    assert highest(places, 3) <= 2.0 * 500.0 / MEAN * (1 + 1e-9)
+    ahead.profile, positions = longer, [ahead.reference.position]
+    positions += [position for _, position in gone(ahead)][1:]
+    assert positions == sorted(positions)
+    assert positions[-1] == 90.0
+    assert highest(positions, 3) <= 2.0 * 500.0 / MEAN * (1 + 1e-9)
 
 
 def test_without_a_mean_the_path_is_unchanged():
@@ -129,46 +129,52 @@ def test_without_a_mean_the_path_is_unchanged():
 @pytest.mark.parametrize("factors", [(0.3,), (0.0, 1.0), (1.5, 0.5, 1.0)])
 def test_under_an_override_its_jerk_is_kept_and_it_is_never_faster(factors):
     legs = [Leg(60.0, 50.0, 200.0, 300.0), Leg(200.0, 80.0, 200.0, 300.0, BufferMode.HIGH)]
-    ahead, places = ahead_on(profile_from_rest(0.0, legs, MEAN), 200.0), [0.0] * 4
+    ahead, positions = ahead_on(profile_from_rest(0.0, legs, MEAN), 200.0), [0.0] * 4
     for factor in factors:
         ahead.aim(factor)
         for _ in range(150):
             ahead.advance(T)
-            places.append(ahead.led.place)
+            positions.append(ahead.reference.position)
         assert ahead.time.rate == min(factor, 1.0)
     ahead.aim(0.7)
-    places += [place for _, place in gone(ahead)][1:]
-    assert places[-1] == 200.0
-    assert highest(places, 1) <= 80.0 * (1 + 1e-9)
-    assert highest(places, 3) <= 2.0 * 300.0 / MEAN * (1 + 1e-9)
+    positions += [position for _, position in gone(ahead)][1:]
+    assert positions[-1] == 200.0
+    assert highest(positions, 1) <= 80.0 * (1 + 1e-9)
+    assert highest(positions, 3) <= 2.0 * 300.0 / MEAN * (1 + 1e-9)
 
 
 def test_a_brake_on_the_trajectory_is_as_soft():
-    ahead, places = ahead_on(profile_from_rest(0.0, [Leg(200.0, 80.0, 200.0, 300.0)], MEAN), 200.0), [0.0] * 4
+    ahead, positions = (
+        ahead_on(profile_from_rest(0.0, [Leg(200.0, 80.0, 200.0, 300.0)], MEAN), 200.0),
+        [0.0] * 4,
+    )
     for number in range(600):
         if number == 150:
             ahead.brake()
         assert not ahead.stopped or number > 150
         ahead.advance(T)
-        places.append(ahead.led.place)
+        positions.append(ahead.reference.position)
     assert ahead.stopped
-    assert 20.0 < places[-1] < 100.0
+    assert 20.0 < positions[-1] < 100.0
     assert ahead.t < ahead.profile.duration
     assert "s" in ahead.as_text(ahead.t)
-    assert highest(places, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
+    assert highest(positions, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
 def test_a_move_to_another_target_begins_with_the_present_velocity_and_acceleration():
-    ahead, places = ahead_on(profile_from_rest(0.0, [Leg(200.0, 80.0, 200.0, 200.0)], MEAN), 200.0), [0.0] * 4
+    ahead, positions = (
+        ahead_on(profile_from_rest(0.0, [Leg(200.0, 80.0, 200.0, 200.0)], MEAN), 200.0),
+        [0.0] * 4,
+    )
     for _ in range(60):
         ahead.advance(T)
-        places.append(ahead.led.place)
-    walk = ahead.walk(50.0, JerkLimits(60.0, 200.0, 90.0), 0.0)
-    while walk.t == 0.0:
-        walk.advance(T)
-        places.append(walk.led.place)
-    assert places[-1] == 50.0
-    assert highest(places, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
+        positions.append(ahead.reference.position)
+    online_profile = ahead.online_profile(50.0, JerkLimits(60.0, 200.0, 90.0), 0.0)
+    while online_profile.t == 0.0:
+        online_profile.advance(T)
+        positions.append(online_profile.reference.position)
+    assert positions[-1] == 50.0
+    assert highest(positions, 3) <= 2.0 * 200.0 / MEAN * (1 + 1e-9)
 
 
 @pytest.mark.parametrize("moment", [0.02, 0.3, 1.2])
@@ -198,7 +204,7 @@ def test_random_legs_that_join_at_random_times_keep_their_jerk_and_pass_every_en
 
     end = chance.uniform(-50.0, 50.0)
     legs = [leg(end)]
-    ahead, places, told = ahead_on(profile_from_rest(0.0, legs, MEAN), 0.1 * ramp), [0.0] * 4, []
+    ahead, positions, told = ahead_on(profile_from_rest(0.0, legs, MEAN), 0.1 * ramp), [0.0] * 4, []
     while ahead.t < ahead.profile.duration:
         t = ahead.time.t
         if chance.random() < 0.02 and len(told) + len(legs) < 8 and t < ahead.profile.duration - 1e-9:
@@ -215,11 +221,11 @@ def test_random_legs_that_join_at_random_times_keep_their_jerk_and_pass_every_en
         if chance.random() < 0.01:
             ahead.aim(chance.choice([0.2, 0.6, 1.0]))
         ahead.advance(T)
-        places.append(ahead.led.place)
-        assert len(places) < 60_000
-    assert places[-1] == end
-    off = 64 * max(math.ulp(abs(place)) for place in places)
-    assert highest(places, 2) <= ramp * (1 + 1e-6) + off / T**2
-    assert highest(places, 3) <= 2.0 * ramp / MEAN * (1 + 1e-6) + off / T**3
+        positions.append(ahead.reference.position)
+        assert len(positions) < 60_000
+    assert positions[-1] == end
+    off = 64 * max(math.ulp(abs(position)) for position in positions)
+    assert highest(positions, 2) <= ramp * (1 + 1e-6) + off / T**2
+    assert highest(positions, 3) <= 2.0 * ramp / MEAN * (1 + 1e-6) + off / T**3
     for stop in [*told, *(each.end for each in legs)]:
-        assert min(abs(place - stop) for place in places) <= 200.0 * T
+        assert min(abs(position - stop) for position in positions) <= 200.0 * T

@@ -28,7 +28,7 @@ from axisbus.motion.position_limits import excess, widened
 from axisbus.motion.stop.active_stop import StopKind, Stopping, stop_error
 from axisbus.motion.stop.diagnosis import remedy
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel
-from axisbus.motion.stop.velocity_following import RampedWay
+from axisbus.motion.stop.velocity_following import VelocityRampTracker
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from axisbus.motion.velocity_estimator import VelocityEstimator
 from kit.direct.waiting import PumpWaiter
@@ -38,23 +38,23 @@ from kit.motion.steps import Drive, T
 # The report of a stop.
 
 
-def ladder(**changes) -> SimpleNamespace:
+def stop_sequence(**changes) -> SimpleNamespace:
     """A stop sequence that has ended as requested."""
     base = {
         "confirmed": True,
         "late": [],
         "on_its_path": False,
-        "blind": False,
-        "spared": False,
-        "held": False,
-        "takes_power": False,
+        "statusword_missing": False,
+        "power_left_on": False,
+        "blocked": False,
+        "removes_power": False,
         "seen": PowerState.OPERATION_ENABLED,
         "path": [StopLevel.HALT],
-        "unseen": "",
-        "running_down": "",
+        "missing_condition": "",
+        "coasting_text": "",
     }
     made = SimpleNamespace(**(base | changes))
-    made.descended = bool(made.late) or made.blind or made.spared or made.held
+    made.escalated = bool(made.late) or made.statusword_missing or made.power_left_on or made.blocked
     return made
 
 
@@ -62,60 +62,60 @@ def ladder(**changes) -> SimpleNamespace:
     ("changes", "message"),
     [
         ({}, None),
-        ({"blind": True}, None),
+        ({"statusword_missing": True}, None),
         ({"confirmed": False}, "the stop of the axis could not be confirmed"),
         ({"confirmed": False, "late": ["halt_time"]}, "the stop of the axis could not be confirmed"),
         ({"late": ["halt_time"]}, "the axis stopped only by a harder stop than was commanded"),
-        ({"spared": True}, "the axis is at standstill, but its drive did not execute the quick stop"),
-        ({"held": True}, "the axis was blocked during a move"),
+        ({"power_left_on": True}, "the axis is at standstill, but its drive did not execute the quick stop"),
+        ({"blocked": True}, "the axis was blocked during a move"),
         (
-            {"held": True, "spared": True},
+            {"blocked": True, "power_left_on": True},
             "the axis is at standstill, but its drive did not execute the quick stop",
         ),
         (
-            {"late": ["disable_time"], "takes_power": True},
+            {"late": ["disable_time"], "removes_power": True},
             "the axis is at standstill, but its drive could not be switched off",
         ),
         (
-            {"late": ["disable_time"], "takes_power": True, "seen": PowerState.UNKNOWN},
+            {"late": ["disable_time"], "removes_power": True, "seen": PowerState.UNKNOWN},
             "the axis is at standstill, but its drive could not be switched off",
         ),
         (
-            {"late": ["disable_time"], "takes_power": True, "seen": PowerState.SWITCHED_ON},
+            {"late": ["disable_time"], "removes_power": True, "seen": PowerState.SWITCHED_ON},
             "the axis stopped only by a harder stop than was commanded",
         ),
-        ({"takes_power": True, "seen": PowerState.SWITCH_ON_DISABLED}, None),
+        ({"removes_power": True, "seen": PowerState.SWITCH_ON_DISABLED}, None),
     ],
 )
 def test_the_report_of_a_stop(changes, message):
-    error = stop_error(ladder(**changes), "x")
+    error = stop_error(stop_sequence(**changes), "x")
     assert (None if error is None else error.message.removeprefix("x: ")) == message
 
 
 def test_observations_of_a_stop_are_reported_in_order():
-    made = ladder(
+    made = stop_sequence(
         confirmed=False,
         late=["halt_time", "quick_stop_time"],
         path=[StopLevel.HALT, StopLevel.QUICK_STOP, StopLevel.NMT_STOP],
-        unseen="a",
-        running_down="b",
-        spared=True,
+        missing_condition="a",
+        coasting_text="b",
+        power_left_on=True,
         seen=PowerState.FAULT,
     )
     assert stop_error(made, "x").observed == (
         "stop sequence: halt > quick stop > NMT stop; passed: halt_time, quick_stop_time; a; b; its power remains on because "
         "it holds a load; state 'fault', standstill not observed"
     )
-    late = stop_error(ladder(late=["halt_time", "quick_stop_time"]), "x")
+    late = stop_error(stop_sequence(late=["halt_time", "quick_stop_time"]), "x")
     assert "halt in time (605Dh, 6084h) and did not" in late.remedy
     assert "raise halt_time and quick_stop_time in [axes.x.stop]" in late.remedy
 
 
 def test_a_halt_that_brakes_too_slowly_along_its_path_names_the_path_and_not_the_drive():
-    remedy = stop_error(ladder(late=["halt_time"], on_its_path=True), "x").remedy
+    remedy = stop_error(stop_sequence(late=["halt_time"], on_its_path=True), "x").remedy
     assert remedy.startswith("braking along its path took longer than halt_time")
     assert remedy.endswith("raise halt_time in [axes.x.stop]")
-    both = stop_error(ladder(late=["halt_time", "quick_stop_time"], on_its_path=True), "x")
+    both = stop_error(stop_sequence(late=["halt_time", "quick_stop_time"], on_its_path=True), "x")
     assert "find out why the drive" in both.remedy
 
 
@@ -133,13 +133,13 @@ def test_a_repeated_stop_keeps_the_harder_kind_and_its_lock():
     stopping.ask(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, "second", second, None)
     assert (stopping.kind, stopping.reason, stopping.locks) == (StopKind.STOP, "first", True)
     stopping.ask(StopKind.STOP, AfterStop.DISABLE, StopLevel.QUICK_STOP, "third", None, None)
-    assert (stopping.reason, stopping.ladder.rung, stopping.ladder.takes_power) == (
+    assert (stopping.reason, stopping.stop_sequence.level, stopping.stop_sequence.removes_power) == (
         "third",
         StopLevel.QUICK_STOP,
         True,
     )
     assert stopping.drop() == [first, second]
-    assert (stopping.ladder, stopping.locks, stopping.interruptible) == (None, False, True)
+    assert (stopping.stop_sequence, stopping.locks, stopping.interruptible) == (None, False, True)
     assert stopping.drop() == []
     stopping.ask(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, "again", None, None)
     assert stopping.interruptible
@@ -540,7 +540,7 @@ def test_three_speeds_have_a_median_already():
 
 def test_a_deviation_from_the_ramp_decays_within_a_minute():
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
-    way = RampedWay(0, 1.0, 1.0, 1.0, 1.0)
+    way = VelocityRampTracker(0, 1.0, 1.0, 1.0, 1.0)
     way.step(drive.cycle(position=0, velocity=0)[0])
     way.step(drive.cycle(position=-6000)[0])
     assert way.behind == 6000.0

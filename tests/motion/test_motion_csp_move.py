@@ -74,7 +74,7 @@ def test_while_a_move_waits_the_running_path_stops_in_time_for_the_deceleration_
     drive, before = led(limits=AxisLimits(position=(-10.0, 400.0), velocity=400.0))
     gate = StartBarrier()
     move = going_on(drive, before, 399_000, gate, ramp=2_000.0, down=2_000.0)
-    move.require_room(0)
+    move.require_stop_within_limits(0)
     while not before.clock.braking:
         targets = [step(drive, move)]
         assert targets[0] < 310_000
@@ -166,10 +166,10 @@ def test_a_following_move_needs_room_to_brake_within_the_limits(room, way, fits)
     drive.parameters = replace(drive.parameters, limits=limits)
     move = going_on(drive, before, round((where + way) * 1000))
     if fits:
-        move.require_room(0)
+        move.require_stop_within_limits(0)
         return
     with pytest.raises(LimitError, match="could not stop within the position limits"):
-        move.require_room(0)
+        move.require_stop_within_limits(0)
 
 
 def turned(r: Rig) -> float:
@@ -193,7 +193,7 @@ def test_on_the_plant_it_continues_without_a_jolt():
 
 
 @pytest.mark.parametrize(
-    ("activity", "mode", "goes_on", "clears_error", "ends_at_rest"),
+    ("activity", "mode", "keeps_moving", "clears_error", "ends_at_rest"),
     [
         (EnableActivity, None, False, False, False),
         (Coast, None, False, False, False),
@@ -207,9 +207,9 @@ def test_on_the_plant_it_continues_without_a_jolt():
         (Jog, 3, True, False, False),
     ],
 )
-def test_mode_and_end_conditions_of_each_activity(activity, mode, goes_on, clears_error, ends_at_rest):
-    assert (activity.mode, activity.goes_on, activity.clears_error, activity.ends_at_rest) == (
-        *(mode, goes_on, clears_error, ends_at_rest),
+def test_mode_and_end_conditions_of_each_activity(activity, mode, keeps_moving, clears_error, ends_at_rest):
+    assert (activity.mode, activity.keeps_moving, activity.clears_error, activity.ends_at_rest) == (
+        *(mode, keeps_moving, clears_error, ends_at_rest),
     )
 
 

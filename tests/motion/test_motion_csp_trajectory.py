@@ -300,7 +300,7 @@ def test_a_trajectory_faster_than_the_limit_is_braked_along_its_path():
     watch = Watch(r)
     with pytest.raises(LimitError, match="faster than max_velocity"):
         r.axis.follow(Own(TrapezoidalTrajectory(0.0, 90.0, 100.0, 500.0))).wait(5)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert watch.speed <= 80_000 * 1.001
     assert watch.acceleration() <= 500_000 * 1.1
     assert watch.transitions == []
@@ -387,7 +387,7 @@ def test_a_jump_in_a_trajectory_ends_in_the_drive_s_quick_stop():
 
     watch = Watch(r)
     handle = r.axis.follow(Broken())
-    r.until(lambda: not handle.busy and r.core.ladder is None)
+    r.until(lambda: not handle.busy and r.core.stop_sequence is None)
     assert isinstance(handle.exception(), LimitError)
     assert watch.speed <= 100_500
     assert watch.acceleration() <= 600_000 * 1.2
@@ -424,7 +424,7 @@ def test_a_trajectory_that_would_leave_the_position_limits_is_braked_ahead_of_th
     assert "the allowed range is -10 to 10" in error.observed
     assert "deg/s, it would stop at" in error.observed
     assert failed == pytest.approx(braked_at, abs=2.5 * speed * PERIOD)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     low, high = watch.travel
     assert max(-low, high) <= 10_001
     assert r.drive.position * sign >= 10_000 - 2.5 * speed * 1000 * PERIOD  # not too early either
@@ -458,7 +458,7 @@ def test_a_path_that_turns_round_at_the_limit_is_distinguished_from_one_that_goe
             return amplitude * (1.0 - math.cos(math.pi * t))
 
     handle = r.axis.follow(There())
-    r.until(lambda: not handle.busy and r.core.ladder is None)
+    r.until(lambda: not handle.busy and r.core.stop_sequence is None)
     assert isinstance(handle.exception(), LimitError) is leaves
     assert max(abs(end) for end in watch.travel) <= 10_001
 
@@ -477,7 +477,7 @@ def test_the_limits_count_in_the_user_s_own_count():
     r.axis.set_position(500.0).wait(1)
     watch = Watch(r)
     handle = r.axis.follow(Own(TrapezoidalTrajectory(500.0, 520.0, 50.0, 500.0)))
-    r.until(lambda: not handle.busy and r.core.ladder is None)
+    r.until(lambda: not handle.busy and r.core.stop_sequence is None)
     assert 9_000 <= watch.travel[1] <= 10_001
 
 
@@ -488,7 +488,7 @@ def test_an_axis_outside_its_limits_may_return_and_not_move_farther_out(own):
     watch = Watch(r)
     with pytest.raises(LimitError, match="leaves the position limits"):
         r.axis.follow(wrap(TrapezoidalTrajectory(15.0, 16.0, 50.0, 500.0))).wait(5)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert watch.travel[1] <= 15_001
     r.axis.reset().wait(1)
     r.axis.follow(wrap(TrapezoidalTrajectory(r.axis.position, 5.0, 50.0, 500.0))).wait(5)
@@ -510,7 +510,7 @@ def test_the_other_axis_of_the_group_is_braked_along_its_own_path():
     first = r.axes["x"].follow(Own(TrapezoidalTrajectory(0.0, 20.0, 50.0, 500.0)))
     second = r.axes["y"].follow(Own(TrapezoidalTrajectory(0.0, -40.0, 80.0, 500.0)))
     r.until(lambda: not first.busy)
-    r.until(lambda: all(core.ladder is None for core in r.scan.axes.values()))
+    r.until(lambda: all(core.stop_sequence is None for core in r.scan.axes.values()))
     assert watches["x"].travel[1] <= 10_001
     assert isinstance(second.exception(), Stopped)
     assert "leaves the position limits" in str(second.exception())
@@ -640,7 +640,7 @@ def test_a_mode_that_is_refused_during_a_trajectory_stops_the_axis_by_quick_stop
     handle = r.axis.move_velocity(50.0)
     r.until(lambda: not handle.busy)
     assert "does not enter mode 3" in str(handle.exception())
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert 11 in watch.transitions
     assert r.axis.state is AxisState.ERRORSTOP
     assert abs(r.drive.axis.motor.velocity) < 1.0

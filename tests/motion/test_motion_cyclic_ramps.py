@@ -78,7 +78,7 @@ def test_a_hold_keeps_the_present_velocity():
 
 @given(st.integers(-3000, 3000), st.integers(-3000, 3000), st.integers(1, 10_000))
 def test_a_torque_reaches_its_target_by_its_slope_and_does_not_exceed_it(start, target, slope):
-    ramp, order = TorqueRamp(float(start), slope, 0.01, lets_go=True), CycleOutputs()
+    ramp, order = TorqueRamp(float(start), slope, 0.01, halt_removes_torque=True), CycleOutputs()
     ramp.aim(target, slope)
     before = float(start)
     for _ in range(40):
@@ -93,7 +93,7 @@ def test_a_torque_reaches_its_target_by_its_slope_and_does_not_exceed_it(start, 
 
 
 def test_a_torque_that_holds_a_load_is_kept_by_a_halt():
-    ramp, order = TorqueRamp(300.0, 1000, 0.01, lets_go=False), CycleOutputs()
+    ramp, order = TorqueRamp(300.0, 1000, 0.01, halt_removes_torque=False), CycleOutputs()
     assert not ramp.begin_braking()
     ramp.step(IMAGE, order)
     assert order.target_torque == 300
@@ -102,8 +102,8 @@ def test_a_torque_that_holds_a_load_is_kept_by_a_halt():
 def test_a_velocity_streamed_by_the_master_is_braked_by_its_own_ramp_for_any_605dh(dictionary_parameters):
     for halt in (0, 1, 2):
         parameters = dictionary_parameters(halt)
-        course = CommandedMotion(1000.0, 500.0, 800.0, by_core=True)
-        assert stop_of(parameters, course) == (StopLevel.HALT, 800.0)
+        commanded = CommandedMotion(1000.0, 500.0, 800.0, by_core=True)
+        assert stop_of(parameters, commanded) == (StopLevel.HALT, 800.0)
 
 
 @pytest.fixture

@@ -21,7 +21,7 @@ def judged(
     """Look at (demand, how far it is ahead of the axis), one after the other."""
     trust = DemandTrust(DemandUse.AUTO, WINDOW)
     for target in set_points:
-        trust.gives(target)
+        trust.add_set_point(target)
     for demand, lead in samples:
         trust.look(demand, lead, 0.0, mode)
     return trust
@@ -29,9 +29,9 @@ def judged(
 
 def test_a_demand_ahead_of_the_axis_towards_its_target_is_trusted_after_three_samples():
     ahead = [(0, 0), (100, 90), (200, 180), (300, 270)]
-    assert not judged(*ahead[:3]).believes(PP)
-    assert judged(*ahead).believes(PP)
-    assert judged(*((-demand, -lead) for demand, lead in ahead)).believes(PP)
+    assert not judged(*ahead[:3]).trusts(PP)
+    assert judged(*ahead).trusts(PP)
+    assert judged(*((-demand, -lead) for demand, lead in ahead)).trusts(PP)
 
 
 @pytest.mark.parametrize(
@@ -48,45 +48,45 @@ def test_a_demand_ahead_of_the_axis_towards_its_target_is_trusted_after_three_sa
     ],
 )
 def test_a_demand_that_does_not_run_ahead_is_not_trusted(what, samples):
-    assert not judged(*samples).believes(PP), what
+    assert not judged(*samples).trusts(PP), what
 
 
 def test_set_points_in_quick_succession_are_no_demand_of_the_drives_own():
     """Polled, 6062h is one of the set-points before."""
     targets = tuple(range(1000, 9000, 1000))
     samples = [(0, 0.0), *((target, 400.0) for target in targets[:-1])]
-    assert not judged(*samples, set_points=targets).believes(PP)
+    assert not judged(*samples, set_points=targets).trusts(PP)
 
 
 def test_a_6062h_seen_in_pp_counts_in_every_mode_and_otherwise_in_its_mode_only():
     ahead = [(100 * number, 90.0 * number) for number in range(5)]
-    assert all(judged(*ahead).believes(mode) for mode in (PP, PV, CSP))
+    assert all(judged(*ahead).trusts(mode) for mode in (PP, PV, CSP))
     in_csp = judged(*ahead, mode=CSP)
-    assert (in_csp.believes(CSP), in_csp.believes(PP)) == (True, False)
-    assert not any(judged(*ahead, mode=mode).believes(mode) for mode in (HM, TQ))
+    assert (in_csp.trusts(CSP), in_csp.trusts(PP)) == (True, False)
+    assert not any(judged(*ahead, mode=mode).trusts(mode) for mode in (HM, TQ))
 
 
 def test_the_cell_file_may_decide_whether_6062h_counts():
-    assert DemandTrust(DemandUse.USE, WINDOW).believes(PP)
+    assert DemandTrust(DemandUse.USE, WINDOW).trusts(PP)
     ignored = DemandTrust(DemandUse.IGNORE, WINDOW)
     for number in range(5):
         ignored.look(100 * number, 90.0 * number, 0.0, PP)
-    assert not ignored.believes(PP)
+    assert not ignored.trusts(PP)
 
 
 def test_a_drive_that_leaves_its_state_or_mode_is_judged_from_the_beginning():
     trust = judged((0, 0), (100, 90), (200, 180))
     trust.begin()
     trust.look(300, 270.0, 0.0, PP)
-    assert not trust.believes(PP)
-    led = ReferenceTracker(DemandUse.AUTO, WINDOW)
-    led.note(1.0, PP, None, 10_000, True)
+    assert not trust.trusts(PP)
+    reference_tracker = ReferenceTracker(DemandUse.AUTO, WINDOW)
+    reference_tracker.note(1.0, PP, None, 10_000, True)
     for demand, lead in ((0, 0.0), (100, 90.0), (200, 180.0)):
-        led.trust.look(demand, lead, 0.0, PP)
-    led.note(2.0, CSP, None, None, False)
-    led.note(3.0, PP, None, None, False)
-    led.trust.look(300, 270.0, 0.0, PP)
-    assert not led.trust.believes(PP)
+        reference_tracker.trust.look(demand, lead, 0.0, PP)
+    reference_tracker.note(2.0, CSP, None, None, False)
+    reference_tracker.note(3.0, PP, None, None, False)
+    reference_tracker.trust.look(300, 270.0, 0.0, PP)
+    assert not reference_tracker.trust.trusts(PP)
 
 
 # Two values are compared as of one time.
@@ -113,7 +113,7 @@ class Drive:
             self._demand = Sample(demand, self.now - ago)
         word, shown = Sample(ENABLED, self.now), Sample(mode, self.now)
         self.image.update(Inputs(self.now, True, word, shown, self._position, None, None, self._demand))
-        self.image.led.note(self.now, mode, self.image.demand, None, False)
+        self.image.reference_tracker.note(self.now, mode, self.image.demand, None, False)
         return self.image
 
 

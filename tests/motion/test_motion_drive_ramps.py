@@ -204,22 +204,22 @@ def test_without_an_active_limit_nothing_is_refused():
 def test_a_move_with_an_unknown_braking_distance_is_stopped_by_its_positions(place, step, told):
     drive = Drive(**BOUNDED)
     guard = LimitMonitor(drive.parameters)
-    course, error = CommandedMotion(speed=640.0, by_target=True, unknown=True), None
+    commanded, error = CommandedMotion(speed=640.0, by_target=True, unknown=True), None
     for left in range(7, -1, -1):
         drive.cycle(statusword=0x0237, position=place - left * step)
         guard.look(drive.image)
-        error = guard.danger(drive.image, AxisState.DISCRETE_MOTION, course=course)
+        error = guard.danger(drive.image, AxisState.DISCRETE_MOTION, commanded=commanded)
     assert (error is not None) is told
 
 
 def test_an_encoder_that_wanders_at_a_limit_stops_no_move_into_the_limits():
     drive = Drive(**BOUNDED)
     guard, edge = LimitMonitor(drive.parameters), 100_000
-    course = CommandedMotion(speed=5000.0, down=100.0, by_target=True)
+    commanded = CommandedMotion(speed=5000.0, down=100.0, by_target=True)
     for wander in (0, 0, -1, -1, 1, -2, 0, 2, -2, 2):
         drive.cycle(statusword=0x0237, position=edge + wander)
         guard.look(drive.image)
-        assert guard.danger(drive.image, AxisState.DISCRETE_MOTION, course=course) is None
+        assert guard.danger(drive.image, AxisState.DISCRETE_MOTION, commanded=commanded) is None
 
 
 # -- speed -----------------------------------------------------------------------------------------------------------
@@ -229,13 +229,16 @@ class Watched:
     """A speed watch over an axis that makes so many increments in each cycle."""
 
     def __init__(
-        self, course: CommandedMotion | None = None, mode: ModeOfOperation = MODE.PROFILE_POSITION, **changes
+        self,
+        commanded: CommandedMotion | None = None,
+        mode: ModeOfOperation = MODE.PROFILE_POSITION,
+        **changes,
     ):
         self.drive = Drive(
             **({"limits": AxisLimits(velocity=64.0)} | changes)
         )  # 64 000 increments per s: 1000 in a cycle
         self.watch, self.track, self.place = SpeedWatch(self.drive.parameters), VelocityEstimator(), 0.0
-        self.activity = SimpleNamespace(course=course, mode=mode, leading=None, in_effect=True)
+        self.activity = SimpleNamespace(commanded=commanded, mode=mode, set_point_source=None, in_effect=True)
 
     def go(self, step: float, cycles: int = 10) -> LimitError | None:
         """Go on; return the first error."""
@@ -261,11 +264,11 @@ def test_an_axis_is_stopped_that_is_a_quarter_faster_than_max_velocity(mode, sig
 
 
 def test_an_axis_twice_as_fast_as_commanded_is_stopped():
-    course = CommandedMotion(speed=6400.0)  # 100 in a cycle
-    assert Watched(course).go(100 * MARGIN_OF_COMMAND + 3, 30) is None
-    error = Watched(course).go(100 * MARGIN_OF_COMMAND + 4)
+    commanded = CommandedMotion(speed=6400.0)  # 100 in a cycle
+    assert Watched(commanded).go(100 * MARGIN_OF_COMMAND + 3, 30) is None
+    error = Watched(commanded).go(100 * MARGIN_OF_COMMAND + 4)
     assert "faster than commanded" in error.message
-    assert Watched(course, limits=AxisLimits()).go(300) is not None
+    assert Watched(commanded, limits=AxisLimits()).go(300) is not None
     assert Watched(None, limits=AxisLimits()).go(30_000) is None
 
 
@@ -273,7 +276,10 @@ def test_an_axis_that_brakes_to_a_lower_speed_is_not_too_fast():
     watched = Watched(CommandedMotion(speed=64_000.0))
     assert watched.go(1000, 20) is None
     watched.activity = SimpleNamespace(
-        course=CommandedMotion(speed=6400.0), mode=MODE.PROFILE_VELOCITY, leading=None, in_effect=False
+        commanded=CommandedMotion(speed=6400.0),
+        mode=MODE.PROFILE_VELOCITY,
+        set_point_source=None,
+        in_effect=False,
     )
     assert watched.go(1000, 40) is None  # it continues as before until the new command acts
     watched.activity.in_effect = True
@@ -285,7 +291,7 @@ def test_an_axis_that_brakes_to_a_lower_speed_is_not_too_fast():
 
 def test_the_end_of_the_previous_trajectory_is_no_overspeed():
     watched = Watched(CommandedMotion(speed=640.0))
-    watched.activity.leading, watched.activity.in_effect = object(), False
+    watched.activity.set_point_source, watched.activity.in_effect = object(), False
     for step in range(10, 900, 30):
         assert watched.go(step, 1) is None
 
@@ -327,8 +333,8 @@ def test_another_velocity_of_a_move_keeps_the_known_ramps_of_its_drive():
     r.enabled()
     r.axis.move_absolute(90.0, velocity=10.0)
     r.run(1.0)
-    assert r.core.activity.course.down == 50_000.0
+    assert r.core.activity.commanded.down == 50_000.0
     r.axis.set_override(0.5)
     r.run(1.0)
-    assert r.core.activity.course.speed == 5000.0
-    assert r.core.activity.course.down == 50_000.0
+    assert r.core.activity.commanded.speed == 5000.0
+    assert r.core.activity.commanded.down == 50_000.0

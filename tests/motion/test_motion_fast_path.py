@@ -1,4 +1,4 @@
-"""An axis that watches only its motion in calm cycles is the same, in all that it holds, as one that always looks at all."""
+"""An axis that watches only its motion in uneventful cycles is the same, in all that it holds, as one that always looks at all."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Thorough:
         self.core = core
 
     def step(self, inputs):
-        self.core._was_calm, self.core._cruise = False, None
+        self.core._was_uneventful, self.core._fast_path = False, None
         return self.core.step(inputs)
 
 
@@ -74,7 +74,7 @@ def differences(a, b, where: str, seen: set) -> list[str]:
         found
         for path, x, y in pairs
         if not path.endswith(
-            ("._was_calm", "._cruise", "._here", "._known_way", "._motion")
+            ("._was_uneventful", "._fast_path", "._here", "._path_values", "._motion")
         )  # the last ones: caches
         for found in differences(x, y, path, seen)
     ]
@@ -91,7 +91,7 @@ class GroupPlay(Play):
 
     def _some_command(self):
         core = self.cores[0]
-        if not core.powered or core.ladder is not None or self.random.random() < 0.3:
+        if not core.powered or core.stop_sequence is not None or self.random.random() < 0.3:
             return super()._some_command()
         return FollowTrajectory(
             TrapezoidalTrajectory(self.here, self.here + self.random.choice((-90.0, 90.0)), 40.0, 300.0)
@@ -120,7 +120,7 @@ class GroupPlay(Play):
 
 @pytest.mark.parametrize("kind", [Play, GroupPlay])
 @pytest.mark.parametrize("seed", range(8))
-def test_calm_cycles_give_the_outputs_and_state_of_whole_cycles(seed, kind):
+def test_uneventful_cycles_give_the_outputs_and_state_of_whole_cycles(seed, kind):
     play = kind(seed, 2)
     core, other = play.cores
     thorough = Thorough(other)
@@ -134,17 +134,17 @@ def test_calm_cycles_give_the_outputs_and_state_of_whole_cycles(seed, kind):
     assert mine == others
 
 
-def test_the_random_plays_have_calm_cycles_in_every_powered_state_and_other_cycles():
-    calm, others = set(), set()
+def test_the_random_plays_have_uneventful_cycles_in_every_powered_state_and_other_cycles():
+    uneventful, others = set(), set()
     for seed in range(24):
         play = Play(seed)
         core = play.cores[0]
         for inputs in play.inputs(CYCLES):
-            was = core._was_calm
+            was = core._was_uneventful
             play.port.write(core.step(inputs))
-            (calm if was and core._was_calm else others).add(core.state)
+            (uneventful if was and core._was_uneventful else others).add(core.state)
     powered = {AxisState.STANDSTILL, AxisState.STOPPING, AxisState.HOMING}
-    assert calm >= powered | {
+    assert uneventful >= powered | {
         AxisState.SYNCHRONIZED_MOTION,
         AxisState.CONTINUOUS_MOTION,
         AxisState.DISCRETE_MOTION,
@@ -161,9 +161,9 @@ def test_the_random_plays_have_calm_cycles_in_every_powered_state_and_other_cycl
 def test_the_random_plays_have_cycles_that_use_the_fast_path(kind, monkeypatch):
     taken, step = [], FastPath.step
 
-    def noted(cruise, inputs):
-        outputs = step(cruise, inputs)
-        taken.append((outputs is not None, cruise._follow._own_clock, inputs.demand is not None))
+    def noted(fast_path, inputs):
+        outputs = step(fast_path, inputs)
+        taken.append((outputs is not None, fast_path._follow._own_clock, inputs.demand is not None))
         return outputs
 
     monkeypatch.setattr(FastPath, "step", noted)
@@ -193,7 +193,7 @@ def cruising():
 
 def test_an_axis_on_a_trajectory_takes_the_short_cycle():
     core, inputs = cruising()
-    assert core._cruise.step(inputs) is not None
+    assert core._fast_path.step(inputs) is not None
 
 
 @pytest.mark.parametrize(
@@ -217,29 +217,29 @@ def test_an_axis_on_a_trajectory_takes_the_short_cycle():
         (lambda core: core.order, "target_position", 5),
         (lambda core: core.order, "target_velocity", 0),
         (lambda core: core.order, "target_torque", 0),
-        (lambda core: core.stopping, "ladder", "one"),
-        (lambda core: core.rest_waits, "waiting", ["one"]),
+        (lambda core: core.stopping, "stop_sequence", "one"),
+        (lambda core: core.standstill_waiters, "waiting", ["one"]),
         (lambda core: core.running, "set_point", "one"),
         (lambda core: core.running, "activity", None),
         (lambda core: core.activity.clock, "braking", True),
-        (lambda core: core.image.led, "target", None),
-        (lambda core: core.image.led, "target", 10_000_000),
+        (lambda core: core.image.reference_tracker, "target", None),
+        (lambda core: core.image.reference_tracker, "target", 10_000_000),
         (lambda core: core.image, "had_demand", True),
         (lambda core: core.image, "position_stamp", -1e9),
-        (lambda core: core.supervision.following, "led_at", 1e9),
+        (lambda core: core.supervision.following, "commanded_at", 1e9),
     ],
 )
 def test_each_thing_that_a_command_may_have_changed_ends_the_short_cycle(part, name, value):
     core, inputs = cruising()
     setattr(part(core), name, value)
-    assert core._cruise.step(inputs) is None
+    assert core._fast_path.step(inputs) is None
 
 
 def test_a_position_beyond_the_limits_ends_the_short_cycle():
     core, inputs = cruising()
     path = core.activity
-    path._limits, path._known_way, path._is_known = (-1.0, 0.5), None, True
-    assert core._cruise.step(inputs) is None
+    path._limits, path._path_values, path._is_known = (-1.0, 0.5), None, True
+    assert core._fast_path.step(inputs) is None
 
 
 def other(sample, value=None, age=0.0):
@@ -279,7 +279,7 @@ def other(sample, value=None, age=0.0):
 def test_one_value_out_of_the_ordinary_leaves_the_cycle_to_the_whole_step_and_changes_nothing(change):
     core, inputs = cruising()
     twin, _ = cruising()
-    assert core._cruise.step(inputs._replace(**change(inputs))) is None
+    assert core._fast_path.step(inputs._replace(**change(inputs))) is None
     found = differences(core, twin, "core", set())
     assert not [
         path for path in found if "image.now" not in path and "stamp" not in path and "since" not in path
@@ -300,21 +300,21 @@ def test_one_value_out_of_the_ordinary_leaves_the_cycle_to_the_whole_step_and_ch
         (lambda core: core, "_broken", "an error"),
         (lambda core: core, "_fault_diagnosis", "a fault's"),
         (lambda core: core.order, "goal", PowerState.SWITCHED_ON),
-        (lambda core: core.stopping, "ladder", "one"),
+        (lambda core: core.stopping, "stop_sequence", "one"),
     ],
 )
-def test_each_single_exceptional_condition_makes_a_cycle_not_calm(part, name, value):
+def test_each_single_exceptional_condition_makes_a_cycle_eventful(part, name, value):
     core = rig().enabled().core
-    assert core._is_calm(core.image)
+    assert core._is_uneventful(core.image)
     setattr(part(core), name, value)
-    assert not core._is_calm(core.image)
+    assert not core._is_uneventful(core.image)
 
 
-def test_a_cycle_after_more_than_the_longest_gap_is_not_calm():
+def test_a_cycle_after_more_than_the_longest_gap_is_eventful():
     core = rig().enabled().core
     longest = core.supervision.longest_gap
-    calm = []
+    uneventful = []
     for gap in (0.0, longest, 1.001 * longest):
         core.image.gap = gap
-        calm.append(core._is_calm(core.image))
-    assert calm == [True, True, False]
+        uneventful.append(core._is_uneventful(core.image))
+    assert uneventful == [True, True, False]

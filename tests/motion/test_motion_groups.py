@@ -600,7 +600,7 @@ def test_an_axis_that_lost_its_power_in_a_stop_of_the_policy_says_why(cause, why
     moving = r.axes["y"].move_absolute(300.0)
     r.run(0.5)
     r.drive_of("x").fault(0x2310)
-    r.until(lambda: r.scan.axes["y"].ladder is not None)
+    r.until(lambda: r.scan.axes["y"].stop_sequence is not None)
     cause(r)
     r.run(2.0)
     stopped = moving.exception()
@@ -637,10 +637,10 @@ def test_new_commands_wait_until_the_stop_of_the_policy_is_at_standstill():
     r = rig("xy").enabled()
     r.axes["y"].move_velocity(100.0).wait(2)
     r.drive_of("x").fault(0x2310)
-    r.until(lambda: r.scan.axes["y"].ladder is not None)
+    r.until(lambda: r.scan.axes["y"].stop_sequence is not None)
     with pytest.raises(StateError, match="being stopped"):
         r.axes["y"].move_velocity(-100.0).wait(1)
-    r.until(lambda: r.scan.axes["y"].ladder is None)
+    r.until(lambda: r.scan.axes["y"].stop_sequence is None)
     r.axes["y"].move_absolute(0.0).wait(5)
 
 

@@ -421,8 +421,8 @@ def test_when_the_master_knows_that_the_drive_has_no_set_point(seen, idle):
     for step in seen.split(", "):
         mode = 3 if step == "pv" else 1
         image, _ = drive.cycle(statusword=words.get(step, ENABLED), mode=mode, position=0)
-        image.led.note(image.now, mode, None, 500, step == "set-point")
-    assert image.led.idle is idle
+        image.reference_tracker.note(image.now, mode, None, 500, step == "set-point")
+    assert image.reference_tracker.idle is idle
 
 
 def test_every_mode_defines_the_remains_of_a_halted_motion():

@@ -281,7 +281,7 @@ def test_the_error_bit_of_a_failed_homing_does_not_fail_the_next():
     r.drive.dials.homing_fails = True
     with pytest.raises(HomingError):
         r.axis.home(17).wait(5)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     r.drive.dials.homing_fails = False
     r.axis.reset().wait(1)
     r.axis.home(17).wait(20)
@@ -297,7 +297,7 @@ def test_a_home_that_is_never_found_ends_in_time_and_the_axis_is_halted():
     assert r.now - start == pytest.approx(1.0, abs=0.15)
     assert "home was not found within 1 s" in caught.value.observed
     assert r.axis.state is AxisState.ERRORSTOP
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     watch = Watch(r)
     r.run(1.0)
     assert watch.displacement < 1.0

@@ -93,7 +93,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.words: list[int] = [0, 0, 0]
         self.state = AxisState.DISABLED
         self.was_running: set[type] = set()
-        self.ladder = None
+        self.stop_sequence = None
         self.commanded = False
         self.enables: list[WithTarget] = []  # those that ran when the last outputs were made
         self.enabled_by: WithTarget | None = None  # the enable under which the drive was enabled last
@@ -146,11 +146,11 @@ class AxisUnderFire(RuleBasedStateMachine):
         self.drive.step(PERIOD + self.lateness)
         self.check_drive(self.drive.transitions[transitions:], position)
         self.inputs = self.sample()
-        self.ladder = self.core.ladder  # this and the commands may end in this very cycle
+        self.stop_sequence = self.core.stop_sequence  # this and the commands may end in this very cycle
         self.was_running = {type(command) for command, _ in self.handles}
         self.enables = [handle for command, handle in self.handles if isinstance(command, c.EnableCommand)]
         self.outputs = self.core.step(self.inputs)
-        self.ladder = self.core.ladder or self.ladder
+        self.stop_sequence = self.core.stop_sequence or self.stop_sequence
         kept = self.drive.state == "enabled" and self.core.state is not AxisState.ERRORSTOP
         self.locked = self.locked and kept
         self.state = self.core.state  # the one that these outputs were made in
@@ -204,14 +204,14 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert outputs == Outputs(sdo=outputs.sdo, cancel=outputs.cancel)
             assert all(request.value is None for request in outputs.sdo)
         if outputs.nmt_stop:
-            assert self.ladder.rung == 3
+            assert self.stop_sequence.level == 3
         if word is None:
             return
         assert not word & 0b10_0100_0000, "bits 6 and 9 are never used"
         if seen == "unknown":
             assert word & ~0x0100 in (0x02, 0x00), f"controlword 0x{word:04X} into the unknown"
             # only a stop, or the power off that was asked for without one
-            assert self.ladder is not None or (not word & ~0x0100 and self.running(c.Disable))
+            assert self.stop_sequence is not None or (not word & ~0x0100 and self.running(c.Disable))
         if word & 0x8F == 0x0F:
             may = seen == "enabled" or (
                 self.running(c.EnableCommand) and seen in ("switched on", "quick stop")
@@ -219,7 +219,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             assert may, f"0x{word:04X} in {seen}"
         if not word & 0b0010 and seen == "enabled":
             coasting = any(isinstance(x, c.Disable) and x.coast for x, handle in self.handles if handle.busy)
-            assert coasting or self.ladder.rung >= 2, "disable voltage lets the motor coast"
+            assert coasting or self.stop_sequence.level >= 2, "disable voltage lets the motor coast"
         self.check_reset(word, seen)
         self.check_mode_bits(word, seen)
 
@@ -243,7 +243,7 @@ class AxisUnderFire(RuleBasedStateMachine):
         if word & 0x10 and not before & 0x10:
             assert not acknowledged, "a new edge before the old acknowledge has fallen"
             self.edge_at = self.now
-        halted = self.ladder is not None and self.ladder.rung == 0
+        halted = self.stop_sequence is not None and self.stop_sequence.level == 0
         kept = word & 0x0F == 0x0F  # where the power is being taken down, the set-point is void
         moves = halted or isinstance(self.core.activity, PositionMove)
         if before & 0x10 and not word & 0x10 and kept and moves:
@@ -308,7 +308,7 @@ class AxisUnderFire(RuleBasedStateMachine):
             return
         core = self.core
         if core.touched and core.state in MAY_MOVE - {AxisState.ERRORSTOP, AxisState.STOPPING}:
-            assert core.powered or isinstance(core.activity, EnableActivity) or core.ladder is not None
+            assert core.powered or isinstance(core.activity, EnableActivity) or core.stop_sequence is not None
 
     @invariant()
     def stop_locks_until_release(self) -> None:
@@ -463,7 +463,7 @@ class AxisUnderFire(RuleBasedStateMachine):
     def another_move(self, value, cycles) -> None:
         self.move.__wrapped__(self, c.TargetReference.ABSOLUTE, value, cycles)
 
-    @precondition(lambda self: self.core.ladder is not None)
+    @precondition(lambda self: self.core.stop_sequence is not None)
     @rule(
         command=st.sampled_from(
             [

@@ -40,9 +40,11 @@ class Bounded:
             self.guard.look(self.drive.image)
         return self
 
-    def rest(self, state: AxisState = FREE, course: CommandedMotion | None = None, **options) -> float | None:
+    def rest(
+        self, state: AxisState = FREE, commanded: CommandedMotion | None = None, **options
+    ) -> float | None:
         """Return the possible stopping position, by the error's text; None without a danger."""
-        error = self.guard.danger(self.drive.image, state, course=course, **options)
+        error = self.guard.danger(self.drive.image, state, commanded=commanded, **options)
         return None if error is None else float(error.observed.split("stop at ")[1].split(";")[0])
 
 
@@ -67,26 +69,26 @@ def turning(step: float, down: float = DOWN) -> CommandedMotion:
     ],
 )
 def test_a_free_motion_is_stopped_if_its_stop_would_end_beyond_the_limits(step, last, rest):
-    assert Bounded(step).to(last).rest(course=turning(step)) == rest
+    assert Bounded(step).to(last).rest(commanded=turning(step)) == rest
 
 
 def test_an_older_position_counts_with_the_distance_moved_since():
     late = Bounded(1000).to(91_801)
-    assert late.rest(course=turning(1000)) is None
+    assert late.rest(commanded=turning(1000)) is None
     late.drive.cycle()
     late.guard.look(late.drive.image)
-    assert late.rest(course=turning(1000)) == 100.001
+    assert late.rest(commanded=turning(1000)) == 100.001
 
 
 def test_a_drive_that_cannot_brake_counts_with_its_travel_until_a_stop_acts():
     unknown = CommandedMotion(speed=64_000.0, up=1.0)
     parameters = {"defaults": replace(Drive().parameters.defaults, acceleration=None)}
-    assert Bounded(1000, **parameters).to(96_000).rest(course=unknown) is None
-    assert Bounded(1000, **parameters).to(96_001).rest(course=unknown) == 100.001
+    assert Bounded(1000, **parameters).to(96_000).rest(commanded=unknown) is None
+    assert Bounded(1000, **parameters).to(96_001).rest(commanded=unknown) == 100.001
 
 
 def test_without_active_limits_no_motion_is_stopped():
-    assert Bounded(1000).to(99_000).rest(course=turning(1000), bounded=False) is None
+    assert Bounded(1000).to(99_000).rest(commanded=turning(1000), bounded=False) is None
     assert Bounded(1000, limits=AxisLimits()).to(999_000).guard.danger(Bounded(0).drive.image, FREE) is None
     for state in (
         AxisState.STANDSTILL,
@@ -94,36 +96,36 @@ def test_without_active_limits_no_motion_is_stopped():
         AxisState.ERRORSTOP,
         AxisState.SYNCHRONIZED_MOTION,
     ):
-        assert Bounded(1000).to(99_000).rest(state, course=turning(1000)) is None
+        assert Bounded(1000).to(99_000).rest(state, commanded=turning(1000)) is None
 
 
 def test_the_limits_count_from_the_zero_that_the_user_has_set():
     moved = Bounded(1000).to(92_801)
     moved.drive.image.origin = 1
-    assert moved.rest(course=turning(1000)) is None
+    assert moved.rest(commanded=turning(1000)) is None
     moved.drive.image.origin = -1
-    assert moved.rest(course=turning(1000)) == 100.002
+    assert moved.rest(commanded=turning(1000)) == 100.002
 
 
 def test_a_command_that_accelerates_counts_with_the_velocity_it_may_reach_until_the_stop_acts():
     """From 64 000/s with 64 000/s² for 5.5 cycles: 69 500/s."""
     faster = CommandedMotion(speed=128_000.0, up=64_000.0, down=DOWN)
     # 4343.75 until a stop acts and 3773.6328 on the ramp
-    assert Bounded(1000).to(100_000 - 8118).rest(course=faster) is None
-    assert Bounded(1000).to(100_000 - 8117).rest(course=faster) == pytest.approx(100.0, abs=0.002)
+    assert Bounded(1000).to(100_000 - 8118).rest(commanded=faster) is None
+    assert Bounded(1000).to(100_000 - 8117).rest(commanded=faster) == pytest.approx(100.0, abs=0.002)
     slower = CommandedMotion(speed=64_000.0, up=64_000.0, down=DOWN)
-    assert Bounded(1000).to(100_000 - 8117).rest(course=slower) is None
+    assert Bounded(1000).to(100_000 - 8117).rest(commanded=slower) is None
 
 
 def test_an_axis_that_is_turned_back_counts_with_both_of_its_rates():
     """From -20 480/s at rest after 2.048 of 5.5 cycles, by 640 000/s²; then 64 000/s² for 3.452 cycles: 3452/s."""
     back = CommandedMotion(speed=64_000.0, up=64_000.0, down=DOWN)
-    rest = Bounded(-320).to(99_900).rest(course=back)
+    rest = Bounded(-320).to(99_900).rest(commanded=back)
     assert rest == pytest.approx(99.9 + 3452 * 4 / 64_000 + 3452**2 / (2 * DOWN) / 1000, abs=0.001)
     weak = CommandedMotion(speed=64_000.0, up=64_000.0, down=64_000.0)
-    assert Bounded(-320).to(99_900).rest(course=weak) is None  # it cannot turn before a stop acts
-    assert Bounded(-320).to(99_900).rest(course=weak._replace(up=DOWN)) is not None
-    assert Bounded(-320).to(99_000).rest(course=back) is None
+    assert Bounded(-320).to(99_900).rest(commanded=weak) is None  # it cannot turn before a stop acts
+    assert Bounded(-320).to(99_900).rest(commanded=weak._replace(up=DOWN)) is not None
+    assert Bounded(-320).to(99_000).rest(commanded=back) is None
 
 
 def test_an_axis_at_standstill_that_may_move_counts_from_the_command_on():
@@ -131,13 +133,13 @@ def test_an_axis_at_standstill_that_may_move_counts_from_the_command_on():
     for _ in range(20):
         still.drive.cycle()  # it sends on change
         still.guard.look(still.drive.image)
-    course = CommandedMotion(speed=64_000.0, up=640_000.0, down=DOWN)
+    commanded = CommandedMotion(speed=64_000.0, up=640_000.0, down=DOWN)
     # from now on: 4 cycles until a stop acts, 5.5 to speed up: 55 000/s, 3437 and 2363 increments
-    assert still.rest(course=course) == pytest.approx(99.999 + 3.437 + 2.363, abs=0.01)
+    assert still.rest(commanded=commanded) == pytest.approx(99.999 + 3.437 + 2.363, abs=0.01)
     still.drive.cycle()
     still.guard.look(still.drive.image)
     # a cycle later: 5 and 6.5, but 64 000/s at most, 5000 and 3200
-    assert still.rest(course=course) == pytest.approx(99.999 + 5.0 + 3.2, abs=0.01)
+    assert still.rest(commanded=commanded) == pytest.approx(99.999 + 5.0 + 3.2, abs=0.01)
 
 
 def test_without_a_command_the_acceleration_that_is_seen_counts():
@@ -157,13 +159,13 @@ def test_without_a_command_the_acceleration_that_is_seen_counts():
 
 
 def test_a_demand_ahead_of_the_position_counts_if_it_belongs_to_this_motion():
-    course = turning(1000)
-    assert Bounded(1000).to(90_000, demand=3000).rest(course=course) == 100.2
-    assert Bounded(1000).to(90_000, demand=2800).rest(course=course) is None
+    commanded = turning(1000)
+    assert Bounded(1000).to(90_000, demand=3000).rest(commanded=commanded) == 100.2
+    assert Bounded(1000).to(90_000, demand=2800).rest(commanded=commanded) is None
     # more than a quarter of a second ahead is no demand of this motion
-    assert Bounded(1000).to(80_000, demand=16_000).rest(course=course) == 103.2
-    assert Bounded(1000).to(80_000, demand=16_001).rest(course=course) is None
-    assert Bounded(1000).to(92_000, demand=0).rest(course=course) is None
+    assert Bounded(1000).to(80_000, demand=16_000).rest(commanded=commanded) == 103.2
+    assert Bounded(1000).to(80_000, demand=16_001).rest(commanded=commanded) is None
+    assert Bounded(1000).to(92_000, demand=0).rest(commanded=commanded) is None
 
 
 def test_a_drive_that_limits_jerk_may_begin_to_brake_again():
@@ -174,39 +176,39 @@ def test_a_drive_that_limits_jerk_may_begin_to_brake_again():
 
 
 def test_without_a_demand_the_lag_that_was_seen_last_counts():
-    axis, course = Bounded(1000).to(90_000), turning(1000)
-    assert axis.rest(course=course) is None
-    assert axis.rest(course=course, lag=2.8 * T) is None
-    assert axis.rest(course=course, lag=3.0 * T) == 100.2
+    axis, commanded = Bounded(1000).to(90_000), turning(1000)
+    assert axis.rest(commanded=commanded) is None
+    assert axis.rest(commanded=commanded, lag=2.8 * T) is None
+    assert axis.rest(commanded=commanded, lag=3.0 * T) == 100.2
     assert axis.guard.overrun(axis.drive.image, DOWN) == 100.2
-    assert axis.rest(MOVE, course=course) is None
-    assert axis.rest(course=course) == 100.2  # it is one of the drive
+    assert axis.rest(MOVE, commanded=commanded) is None
+    assert axis.rest(commanded=commanded) == 100.2  # it is one of the drive
     # the motor of an axis that is pushed lags as much
-    assert axis.rest(course=CommandedMotion(by_torque=True, down=DOWN), lag=9.0) == axis.rest(
-        course=course, lag=9.0
+    assert axis.rest(commanded=CommandedMotion(by_torque=True, down=DOWN), lag=9.0) == axis.rest(
+        commanded=commanded, lag=9.0
     )
-    assert axis.rest(course=course, lag=0.0) is None
+    assert axis.rest(commanded=commanded, lag=0.0) is None
     # a demand of this motion knows better
-    assert Bounded(1000).to(90_000, demand=2800).rest(course=course, lag=3.0 * T) is None
+    assert Bounded(1000).to(90_000, demand=2800).rest(commanded=commanded, lag=3.0 * T) is None
 
 
 def test_before_any_lag_was_seen_a_usual_one_counts():
-    axis, course = Bounded(1000).to(100_000 - 8480), turning(1000)  # 1280 in 0.02 s
-    assert axis.rest(course=course) is None
+    axis, commanded = Bounded(1000).to(100_000 - 8480), turning(1000)  # 1280 in 0.02 s
+    assert axis.rest(commanded=commanded) is None
     axis.guard._lag = None
-    assert axis.rest(course=course) is None
-    assert axis.to(100_000 - 8479).rest(course=course) == 100.001
+    assert axis.rest(commanded=commanded) is None
+    assert axis.to(100_000 - 8479).rest(commanded=commanded) == 100.001
 
 
 def test_without_a_demand_the_lag_is_measured_from_streamed_targets():
-    axis, course = Bounded(1000), turning(1000)
+    axis, commanded = Bounded(1000), turning(1000)
     for number in range(1, 9):
         # 7 periods behind: the stop itself allows for 4 of them
-        axis.drive.image.led.note(axis.drive.now, 8, None, 1000 * (number + 7), False)
-        axis.to(1000 * number, cycles=1).rest(course=course)
+        axis.drive.image.reference_tracker.note(axis.drive.now, 8, None, 1000 * (number + 7), False)
+        axis.to(1000 * number, cycles=1).rest(commanded=commanded)
     assert axis.guard._lag == pytest.approx(3.0 * T)
-    axis.drive.image.led.note(axis.drive.now, 3, None, None, False)  # in pv there is no target
-    assert axis.to(90_000).rest(course=course) == 100.2
+    axis.drive.image.reference_tracker.note(axis.drive.now, 3, None, None, False)  # in pv there is no target
+    assert axis.to(90_000).rest(commanded=commanded) == 100.2
 
 
 def test_until_weaker_ramps_are_written_an_axis_speeds_up_by_those_that_it_has():
@@ -243,12 +245,12 @@ def test_until_weaker_ramps_are_written_an_axis_speeds_up_to_its_commanded_veloc
 def test_a_demand_received_seldom_gives_only_the_lag(sign, late, found_at):
     """The axis gets faster all the time, and its demand, which comes with every 8th position, is some cycles ahead of it."""
     axis, first = Bounded(0, ages={"position": 1.0, "demand": 1.0}), 0 if sign > 0 else 100_000
-    course = CommandedMotion(speed=sign * 3000 / T, up=20 / T / T, down=DOWN)
+    commanded = CommandedMotion(speed=sign * 3000 / T, up=20 / T / T, down=DOWN)
     for cycle in range(110):
         demand = {} if cycle % 8 else {"demand": first + sign * 10 * (cycle + late) ** 2}
         axis.drive.cycle(statusword=0x0237, position=first + sign * 10 * cycle**2, **demand)
         axis.guard.look(axis.drive.image)
-        if axis.rest(course=course) is not None:
+        if axis.rest(commanded=commanded) is not None:
             break
     assert cycle == found_at
     # The commanded position when the stop acts, four cycles later, and the stopping position from there, are just at the limit.
@@ -265,7 +267,7 @@ def test_the_first_demands_received_seldom_give_the_lag_already(sign, demands):
         demand = {"demand": place + sign * 5000} if cycle % 20 == 10 and cycle <= 20 * demands else {}
         axis.drive.cycle(statusword=0x0237, position=place, **demand)
         axis.guard.look(axis.drive.image)
-        if axis.rest(course=turning(sign * 1000)) is not None:
+        if axis.rest(commanded=turning(sign * 1000)) is not None:
             found = cycle
             break
         place += sign * 1000
@@ -284,12 +286,14 @@ def test_a_demand_ahead_counts_for_the_braking_distance():
 def test_a_demand_received_just_now_is_not_used_yet():
     axis = Bounded(1000).to(80_000)
     for left in (2, 1):
-        assert axis.to(81_000 + 1000 * (2 - left), demand=15_000, cycles=1).rest(course=turning(1000)) is None
+        assert (
+            axis.to(81_000 + 1000 * (2 - left), demand=15_000, cycles=1).rest(commanded=turning(1000)) is None
+        )
 
 
 def test_two_positions_are_too_few():
-    assert Bounded(1000).to(99_900, cycles=2).rest(course=turning(1000)) is None
-    assert Bounded(1000).to(99_900, cycles=3).rest(course=turning(1000)) is not None
+    assert Bounded(1000).to(99_900, cycles=2).rest(commanded=turning(1000)) is None
+    assert Bounded(1000).to(99_900, cycles=3).rest(commanded=turning(1000)) is not None
 
 
 def test_an_unknown_position_is_a_danger_if_position_limits_hold():
@@ -311,7 +315,7 @@ def test_an_unknown_position_is_a_danger_if_position_limits_hold():
 @pytest.mark.parametrize(("step", "told"), [(6877, False), (6879, True), (-6877, False), (-6879, True)])
 def test_a_free_motion_more_than_a_tenth_too_fast_is_stopped(step, told):
     fast = Bounded(step, limits=AxisLimits(velocity=400.0)).to(0)
-    error = fast.guard.danger(fast.drive.image, FREE, course=turning(step))
+    error = fast.guard.danger(fast.drive.image, FREE, commanded=turning(step))
     assert (error is not None) is told
     assert not told or error.message == "x: faster than max_velocity"
 
@@ -325,10 +329,10 @@ def test_an_axis_that_is_pushed_is_stopped_before_it_is_too_fast(count, told, si
     for k in range(count - 8, count + 1):
         drive.cycle(statusword=0x0237, position=sign * 16 * k * k)
         guard.look(drive.image)
-    error = guard.danger(drive.image, FREE, course=CommandedMotion(by_torque=True))
+    error = guard.danger(drive.image, FREE, commanded=CommandedMotion(by_torque=True))
     assert (error is not None) is told
     assert not told or error.message == "x: about to be faster than max_velocity"
-    braking = guard.danger(drive.image, FREE, course=CommandedMotion())
+    braking = guard.danger(drive.image, FREE, commanded=CommandedMotion())
     assert braking is None
 
 
@@ -337,28 +341,28 @@ def test_an_axis_that_is_pushed_is_stopped_before_it_is_too_fast(count, told, si
 
 def test_encoder_noise_does_not_look_like_a_speed_too_high_to_brake():
     """64 per cycle need 8389 increments to brake; 68, as ±2 make of it, 9470."""
-    course = CommandedMotion(down=1000.0, by_target=True)
+    commanded = CommandedMotion(down=1000.0, by_target=True)
     drive = Drive(limits=LIMITS)
     guard = LimitMonitor(drive.parameters)
     end = 100_000 - 8700
     for number, noise in enumerate((0, 0, 0, -2, 2, -2, 2)):
         drive.cycle(statusword=0x0237, position=end + 64 * (number - 6) + noise)
         guard.look(drive.image)
-    assert guard.danger(drive.image, MOVE, course=course) is None
+    assert guard.danger(drive.image, MOVE, commanded=commanded) is None
 
 
 def test_a_move_that_begins_too_fast_for_its_ramp_is_stopped():
-    course = CommandedMotion(down=DOWN, by_target=True)
+    commanded = CommandedMotion(down=DOWN, by_target=True)
     # 64 000/s, less 85 for a position that wanders: 3191.5 to brake, less 20 and 2000 that it may be off
-    assert Bounded(1000).to(98_828).rest(MOVE, course=course) is None
-    assert Bounded(1000).to(98_829).rest(MOVE, course=course) == 100.0
-    assert Bounded(-1000).to(1172).rest(MOVE, course=course) is None
-    assert Bounded(-1000).to(1170).rest(MOVE, course=course) == pytest.approx(-0.0015, abs=1e-4)
-    assert Bounded(1000).to(98_829).rest(MOVE, course=course, bounded=False) is None
+    assert Bounded(1000).to(98_828).rest(MOVE, commanded=commanded) is None
+    assert Bounded(1000).to(98_829).rest(MOVE, commanded=commanded) == 100.0
+    assert Bounded(-1000).to(1172).rest(MOVE, commanded=commanded) is None
+    assert Bounded(-1000).to(1170).rest(MOVE, commanded=commanded) == pytest.approx(-0.0015, abs=1e-4)
+    assert Bounded(1000).to(98_829).rest(MOVE, commanded=commanded, bounded=False) is None
     assert Bounded(1000).to(98_829).rest(MOVE) is None
-    assert Bounded(1000).to(98_829).rest(MOVE, course=CommandedMotion(by_target=True)) is None
-    assert Bounded(1000, position_window=21).to(98_829).rest(MOVE, course=course) is None
-    assert Bounded(1000, position_window=19).to(98_829).rest(MOVE, course=course) == 100.0
+    assert Bounded(1000).to(98_829).rest(MOVE, commanded=CommandedMotion(by_target=True)) is None
+    assert Bounded(1000, position_window=21).to(98_829).rest(MOVE, commanded=commanded) is None
+    assert Bounded(1000, position_window=19).to(98_829).rest(MOVE, commanded=commanded) == 100.0
 
 
 def test_the_braking_distance_beyond_the_limits():
@@ -379,7 +383,7 @@ QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
 
 
 @pytest.mark.parametrize(
-    ("changes", "course", "expected"),
+    ("changes", "commanded", "expected"),
     [
         ({}, CommandedMotion(), (StopLevel.HALT, 500_000.0)),
         ({}, CommandedMotion(down=7.0), (StopLevel.HALT, 7.0)),
@@ -438,8 +442,8 @@ QUICK = Braking(quick_stop=Ramp.QUICK, quick=2000.0)
         ({}, CommandedMotion(down=7.0, by_torque=True), (StopLevel.HALT, 7.0)),
     ],
 )
-def test_kind_and_deceleration_of_the_stop_that_brakes(changes, course, expected):
-    assert stop_of(Drive(**changes).parameters, course) == expected
+def test_kind_and_deceleration_of_the_stop_that_brakes(changes, commanded, expected):
+    assert stop_of(Drive(**changes).parameters, commanded) == expected
 
 
 # Lag.
@@ -467,7 +471,7 @@ def test_the_highest_speed_of_the_last_half_to_whole_second(begin):
 def test_a_motion_that_begins_in_another_one_may_lag_as_that_did_for_up_to_a_second():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    before, after = (SimpleNamespace(behind=0.0, led_speed=speed, mode=3) for speed in (1000.0, 0.0))
+    before, after = (SimpleNamespace(behind=0.0, commanded_speed=speed, mode=3) for speed in (1000.0, 0.0))
 
     def fails(activity, behind: float) -> bool:
         activity.behind = behind
@@ -484,7 +488,7 @@ def lag(behind: list[float], speed: float = 0.0, **changes) -> list[bool]:
     """Return in which cycles an axis that is so far behind is given up."""
     drive = Drive(**changes)
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=None, led_speed=speed, mode=3)
+    activity = SimpleNamespace(behind=None, commanded_speed=speed, mode=3)
     told = []
     for number, way in enumerate(behind):
         activity.behind = way
@@ -521,14 +525,14 @@ def test_an_axis_that_is_too_far_behind_is_given_up(behind, speed, changes, told
 def test_only_positions_that_are_new_count_for_the_lag():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    activity = SimpleNamespace(behind=5000.0, commanded_speed=0.0, mode=3)
     assert watch.error(drive.cycle(mode=3, position=0)[0], activity) is None
     for _ in range(5):
         assert watch.error(drive.cycle()[0], activity) is None
     drive.image.origin = -2000
     error = watch.error(drive.cycle(position=0)[0], activity)
     assert "at 2 deg it is 5 deg from its expected position; 4 are allowed" in error.observed
-    other = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    other = SimpleNamespace(behind=5000.0, commanded_speed=0.0, mode=3)
     assert watch.error(drive.cycle(position=1)[0], other) is None  # another command restarts it
     assert watch.error(drive.cycle(position=2)[0], None) is None
     assert watch.error(drive.cycle(position=None)[0], other) is None
@@ -537,7 +541,7 @@ def test_only_positions_that_are_new_count_for_the_lag():
 def test_an_old_position_counts_once_however_often_it_is_read():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    activity = SimpleNamespace(behind=5000.0, commanded_speed=0.0, mode=3)
     drive.cycle(mode=3, position=0)
     for _ in range(4):
         assert watch.error(drive.cycle()[0], activity) is None
@@ -547,7 +551,7 @@ def test_an_old_position_counts_once_however_often_it_is_read():
 def test_a_lost_position_is_not_used_for_the_following_error():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=5000.0, led_speed=0.0, mode=3)
+    activity = SimpleNamespace(behind=5000.0, commanded_speed=0.0, mode=3)
     drive.cycle(mode=3, position=0)
     drive.cycle(position=None)
     assert watch.error(drive.image, activity) is None
@@ -560,12 +564,12 @@ def test_a_lag_is_allowed_by_the_speed_of_the_last_second_for_any_position_inter
     """By the cycle's clock: 64 cycles of 1/64 s, and the next position."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=4100.0, led_speed=1000.0, mode=3)
+    activity = SimpleNamespace(behind=4100.0, commanded_speed=1000.0, mode=3)
     for number in range(100):
         fresh = {"position": number} if number % every == 0 else {}
         if watch.error(drive.cycle(mode=3, **fresh)[0], activity) is not None:
             break
-        activity.led_speed = 0.0
+        activity.commanded_speed = 0.0
     assert number == 65
 
 
@@ -573,7 +577,7 @@ def led(pairs: list[tuple[int, int | None]], mode: int = 1, shown: int | None = 
     """The same for a position mode: positions with the demand."""
     drive = Drive(**changes)
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=mode)
+    activity = SimpleNamespace(behind=None, commanded_speed=0.0, mode=mode)
     told = []
     for position, demand in pairs:
         drive.cycle(statusword=0x0237, mode=shown, position=position, demand=demand)
@@ -600,7 +604,7 @@ def test_in_a_position_mode_the_demand_is_the_reference():
 def test_a_gap_between_two_positions_restarts_the_count_of_the_following_error(between):
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1)
+    activity = SimpleNamespace(behind=None, commanded_speed=0.0, mode=1)
     told = []
     for changes in ({}, between, {}, {}):
         drive.cycle(statusword=0x0237, **({"mode": 1, "position": 0, "demand": 9000} | changes))
@@ -612,7 +616,7 @@ def test_commands_monitored_by_the_lag_behind_their_demand():
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
     for behind, mode, used in ((None, 8, True), (None, 1, True), (None, 3, False), (0.0, 8, False)):
-        activity = SimpleNamespace(behind=behind, led_speed=0.0, mode=mode)
+        activity = SimpleNamespace(behind=behind, commanded_speed=0.0, mode=mode)
         assert not watch.is_used_to(activity)
         watch.error(drive.cycle(statusword=0x0237, mode=mode, position=0)[0], activity)
         assert watch.is_used_to(activity) is used
@@ -623,7 +627,7 @@ def test_a_demand_slower_than_the_position_has_the_velocity_of_its_own_stamps(be
     """4096 increments per s excuse 1024 beyond the window of 4000, as of the time of the demand, however old it is by now."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)
+    activity = SimpleNamespace(behind=None, commanded_speed=0.0, mode=1, commanded=None)
     told = []
     for number in range(12):
         fresh = {"demand": 64 * number} if number % 3 == 0 else {}
@@ -644,7 +648,7 @@ def test_a_demand_slower_than_the_position_has_the_velocity_of_its_own_stamps(be
 def test_without_a_demand_bit_13_reports_a_following_error(bits, told):
     drive = Drive(drive_following_error=500, drive_following_time=4 * T)
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=1, course=None)
+    activity = SimpleNamespace(behind=None, commanded_speed=0.0, mode=1, commanded=None)
     words = [0x0237 | (0x2000 if bit == "1" else 0) for bit in bits]
     seen = [
         watch.error(drive.cycle(statusword=word, mode=1, position=0)[0], activity) is not None
@@ -657,11 +661,11 @@ def targets(*, closely: bool = False) -> tuple[Drive, FollowingErrorMonitor, Sim
     """An axis in csp that is commanded by 64 increments in each of seven cycles, after some at standstill, and has arrived."""
     drive = Drive()
     watch = FollowingErrorMonitor(drive.parameters)
-    activity = SimpleNamespace(behind=None, led_speed=0.0, mode=8)
+    activity = SimpleNamespace(behind=None, commanded_speed=0.0, mode=8)
     for number in range(-4, 8):
         target = 64 * max(0, number)
         drive.cycle(statusword=0x0237, mode=8, position=target)
-        drive.image.led.note(drive.now, 8, None, target, False)
+        drive.image.reference_tracker.note(drive.now, 8, None, target, False)
         if closely and number > -4:
             watch.close(target, drive.now)
         else:

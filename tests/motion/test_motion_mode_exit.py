@@ -19,7 +19,7 @@ BOUNDED = AxisLimits(position=(-100.0, 100.0), velocity=400.0, acceleration=4000
 
 
 def path() -> SimpleNamespace:
-    return SimpleNamespace(at_rest=False, last_step=(0.0, 0.0), room=PositionRange(-100.0, 100.0))
+    return SimpleNamespace(at_rest=False, last_step=(0.0, 0.0), permitted_range=PositionRange(-100.0, 100.0))
 
 
 def answers(steps, down: float = 40.0, soft: float = 0.0) -> list[bool]:

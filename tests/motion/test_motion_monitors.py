@@ -43,7 +43,7 @@ from axisbus.motion.stop.diagnosis import (
     nmt_text,
     not_to_be_reset,
 )
-from axisbus.motion.stop.hold_setpoint import HoldSetPoint, is_blind, needs_relief
+from axisbus.motion.stop.hold_setpoint import HoldSetPoint, is_target_unknown, needs_relief
 from axisbus.motion.stop.standstill_monitor import StandstillMonitor
 from axisbus.motion.stop.stop_sequence import StopLevel
 from axisbus.motion.stop.supervision import Supervision, silence
@@ -53,14 +53,18 @@ from kit.motion.steps import Drive, T
 ENABLED, DISABLED, READY, QUICK, FAULT, REACTION = 0x0237, 0x0250, 0x0231, 0x0217, 0x0218, 0x021F
 MODE = ModeOfOperation
 ACTIVITY = SimpleNamespace(
-    mode=1, course=None, behind=None, lag=None, led_speed=0.0, leading=None, in_effect=True
+    mode=1, commanded=None, behind=None, lag=None, commanded_speed=0.0, set_point_source=None, in_effect=True
 )
 
 
 def ready() -> SimpleNamespace:
     """The first wait of a move, done at once; notes if it was cancelled."""
     made = SimpleNamespace(
-        cancelled=0, done=True, ramps=RampTransfers((), Drive().parameters), leading=None, leaving=None
+        cancelled=0,
+        done=True,
+        ramps=RampTransfers((), Drive().parameters),
+        set_point_source=None,
+        pending_mode_switch=None,
     )
 
     def cancel(_) -> None:
@@ -90,7 +94,7 @@ def test_a_node_that_was_never_operational_is_not_lost_and_one_that_was_is_repor
     assert node(drive, supervision, False, 127) is None
     assert node(drive, supervision) is None
     finding = node(drive, supervision, False, 127)
-    assert (finding.rung, supervision.lost) == (StopLevel.QUICK_STOP, True)
+    assert (finding.level, supervision.lost) == (StopLevel.QUICK_STOP, True)
     assert "pre-operational, not operational" in finding.error.message
     assert "still reports itself" in finding.error.observed
     assert node(drive, supervision, False, 127) is None
@@ -169,7 +173,9 @@ def test_a_gap_longer_than_the_statusword_may_be_old_stops_the_axis(gap, told):
     drive.cycle(statusword=ENABLED, position=0)
     finding = supervision.power(drive.image, AxisState.STANDSTILL)
     assert (finding is not None) is told
-    assert not told or (finding.rung is StopLevel.HALT and "did not run for 0.516 s" in finding.error.message)
+    assert not told or (
+        finding.level is StopLevel.HALT and "did not run for 0.516 s" in finding.error.message
+    )
 
 
 @pytest.mark.parametrize(
@@ -236,7 +242,7 @@ def test_an_axis_with_power_in_a_wrong_state_is_stopped_by_quick_stop(state, wor
     drive.cycle(statusword=word, position=0)
     finding = supervision.power(drive.image, state)
     assert (finding is None) if told is None else told in finding.error.message
-    assert finding is None or finding.rung is StopLevel.QUICK_STOP
+    assert finding is None or finding.level is StopLevel.QUICK_STOP
 
 
 def test_a_drive_without_any_fresh_value_is_lost():
@@ -278,7 +284,7 @@ def test_uncommanded_motion_at_standstill_is_stopped_and_commanded_motion_is_not
     drive.cycle(position=4001)
     finding = supervision.power(drive.image, AxisState.STANDSTILL)
     assert isinstance(finding.error, UncommandedMotion)
-    assert finding.rung is StopLevel.QUICK_STOP
+    assert finding.level is StopLevel.QUICK_STOP
     supervision.at_work()
     for position in (4001, 4001):
         assert supervision.power(drive.cycle(position=position)[0], AxisState.STANDSTILL) is None
@@ -298,17 +304,23 @@ def test_a_drive_that_leaves_its_mode_in_a_motion_is_stopped_hard():
         )
     finding = supervision.power(drive.cycle(mode=1, position=0)[0], state, activity)
     assert "has left mode 3 (pv) without a command" in finding.error.message
-    assert finding.rung is StopLevel.QUICK_STOP
+    assert finding.level is StopLevel.QUICK_STOP
 
 
-def replace_mode(mode: int, course: CommandedMotion | None = None) -> SimpleNamespace:
+def replace_mode(mode: int, commanded: CommandedMotion | None = None) -> SimpleNamespace:
     return SimpleNamespace(
-        mode=MODE(mode), course=course, behind=None, lag=None, led_speed=0.0, leading=None, in_effect=True
+        mode=MODE(mode),
+        commanded=commanded,
+        behind=None,
+        lag=None,
+        commanded_speed=0.0,
+        set_point_source=None,
+        in_effect=True,
     )
 
 
 @pytest.mark.parametrize(
-    ("braking", "mode", "word", "rung", "told"),
+    ("braking", "mode", "word", "level", "told"),
     [
         (Braking(quick_stop=Ramp.QUICK), 4, ENABLED, StopLevel.HALT, True),
         (Braking(quick_stop=Ramp.QUICK), 10, ENABLED, StopLevel.HALT, True),
@@ -319,14 +331,14 @@ def replace_mode(mode: int, course: CommandedMotion | None = None) -> SimpleName
     ],
 )
 def test_an_axis_that_coasts_out_of_a_torque_is_stopped_harder_if_it_gets_too_fast(
-    braking, mode, word, rung, told
+    braking, mode, word, level, told
 ):
     drive, supervision = watched(braking=braking, limits=AxisLimits(velocity=400.0))
     for step in range(8):
         node(drive, supervision, statusword=word, mode=mode, position=7000 * step)
-    finding = supervision.coasting(drive.image, rung, bounded=True)
+    finding = supervision.coasting(drive.image, level, bounded=True)
     assert (finding is not None) is told
-    assert not told or finding.rung is StopLevel.QUICK_STOP
+    assert not told or finding.level is StopLevel.QUICK_STOP
 
 
 # Rest.
@@ -470,7 +482,7 @@ def test_a_command_that_keeps_the_mode_must_find_the_drive_in_it():
     drive = Drive()
     watch = ModeWatch("x")
     first, second, other = replace_mode(8), replace_mode(8), replace_mode(1)
-    second.leading = SimpleNamespace(at_rest=False)
+    second.set_point_source = SimpleNamespace(at_rest=False)
     for mode in (8, 8, 3):
         assert watch.error(drive.cycle(statusword=ENABLED, mode=mode)[0], first) is None
     assert watch.error(drive.cycle(mode=3)[0], second) is not None
@@ -557,21 +569,21 @@ def test_a_command_that_ends_at_standstill_waits_for_it_two_seconds_longer_than_
 
 def test_a_drive_in_fault_that_does_not_stop_is_reported_once_after_its_time():
     drive = Drive()  # one second for the quick stop, three to disable
-    aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
+    aftermath, coast_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
     began = drive.now + T
     told = []
     for _ in range(300):
         drive.cycle(statusword=REACTION, mode=1, position=0)
-        error = aftermath.error(drive.image, run_down, True)
+        error = aftermath.error(drive.image, coast_down, True)
         if error is not None:
             told.append((drive.now - began, error))
     [(after, error)] = told
     assert after == 4.0 + T
     assert "which brakes the motor and has not ended" in error.observed
-    aftermath.error(drive.cycle(statusword=READY)[0], run_down, True)
+    aftermath.error(drive.cycle(statusword=READY)[0], coast_down, True)
     for _ in range(256):
-        assert aftermath.error(drive.cycle(statusword=REACTION)[0], run_down, True) is None
-    told += [aftermath.error(drive.cycle(statusword=REACTION)[0], run_down, True) for _ in range(2)]
+        assert aftermath.error(drive.cycle(statusword=REACTION)[0], coast_down, True) is None
+    told += [aftermath.error(drive.cycle(statusword=REACTION)[0], coast_down, True) for _ in range(2)]
     assert told[-1] is not None
 
 
@@ -586,12 +598,12 @@ def test_a_drive_in_fault_that_does_not_stop_is_reported_once_after_its_time():
 )
 def test_a_drive_in_fault_that_may_still_move_is_reported(word, driven, moves, told):
     drive = Drive()
-    aftermath, run_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
-    run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
+    aftermath, coast_down = FaultReaction(drive.parameters), CoastDown(drive.parameters)
+    coast_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
     errors = []
     for number in range(300):
-        run_down.look(drive.cycle(statusword=word, position=100 * number if moves else 0)[0], True)
-        errors.append(aftermath.error(drive.image, run_down, driven))
+        coast_down.look(drive.cycle(statusword=word, position=100 * number if moves else 0)[0], True)
+        errors.append(aftermath.error(drive.image, coast_down, driven))
     found = [error for error in errors if error is not None]
     assert bool(found) is told
     assert not told or "its power is off, at" in found[0].observed
@@ -599,29 +611,29 @@ def test_a_drive_in_fault_that_may_still_move_is_reported(word, driven, moves, t
 
 def test_a_motor_without_power_runs_down_until_standstill_is_seen():
     drive = Drive()
-    run_down = CoastDown(drive.parameters)
-    run_down.look(drive.cycle(statusword=READY, position=0)[0], True)
-    assert not run_down.under_way  # it was never driven
-    run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], False)
-    run_down.look(drive.cycle(statusword=READY, position=0)[0], False)
-    assert not run_down.under_way
-    run_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
-    assert (run_down.under_way, run_down.why_not(drive.image)) == (False, "")
+    coast_down = CoastDown(drive.parameters)
+    coast_down.look(drive.cycle(statusword=READY, position=0)[0], True)
+    assert not coast_down.under_way  # it was never driven
+    coast_down.look(drive.cycle(statusword=ENABLED, position=0)[0], False)
+    coast_down.look(drive.cycle(statusword=READY, position=0)[0], False)
+    assert not coast_down.under_way
+    coast_down.look(drive.cycle(statusword=ENABLED, position=0)[0], True)
+    assert (coast_down.under_way, coast_down.why_not(drive.image)) == (False, "")
     for position in (100, 200, 300):
-        run_down.look(drive.cycle(statusword=READY, position=position)[0], True)
-        assert run_down.under_way
-    assert "still moving" in run_down.why_not(drive.image)
-    run_down.look(drive.cycle(statusword=None, position=300)[0], True)
-    assert run_down.under_way
-    while run_down.under_way:
-        run_down.look(drive.cycle(statusword=READY, position=300)[0], True)
+        coast_down.look(drive.cycle(statusword=READY, position=position)[0], True)
+        assert coast_down.under_way
+    assert "still moving" in coast_down.why_not(drive.image)
+    coast_down.look(drive.cycle(statusword=None, position=300)[0], True)
+    assert coast_down.under_way
+    while coast_down.under_way:
+        coast_down.look(drive.cycle(statusword=READY, position=300)[0], True)
         assert drive.now < 12.0
     for position in (400, 500, 600):  # turned by hand
-        run_down.look(drive.cycle(position=position)[0], True)
-        assert not run_down.under_way
-    run_down.look(drive.cycle(statusword=ENABLED)[0], False)
-    run_down.look(drive.cycle(statusword=READY)[0], False)
-    assert not run_down.under_way
+        coast_down.look(drive.cycle(position=position)[0], True)
+        assert not coast_down.under_way
+    coast_down.look(drive.cycle(statusword=ENABLED)[0], False)
+    coast_down.look(drive.cycle(statusword=READY)[0], False)
+    assert not coast_down.under_way
     silent = Drive(objects=frozenset({0x6040, 0x6041}))
     blind = CoastDown(silent.parameters)
     blind.look(silent.cycle(statusword=ENABLED)[0], True)
@@ -924,12 +936,12 @@ def test_a_velocity_counts_with_the_weaker_ramp_until_its_own_is_written():
         (CommandedMotion(), 50_000.0),
     ):
         move = VelocityMove(PROFILE._replace(velocity=-5), drive.parameters, ready(), before)
-        assert move.course == CommandedMotion(-10_000.0, 100_000.0, down)
+        assert move.commanded == CommandedMotion(-10_000.0, 100_000.0, down)
         move.step(*drive.cycle(statusword=ENABLED, mode=3, velocity=0))
-        assert move.course.down == 50_000.0
-    assert VelocityMove(PROFILE._replace(speed=None), drive.parameters, ready()).course.speed is None
-    assert TorqueMove(5, None, drive.parameters, ready()).course == CommandedMotion(by_torque=True)
-    assert moving(drive, 5).course == CommandedMotion(10_000.0, 100_000.0, 50_000.0, by_target=True)
+        assert move.commanded.down == 50_000.0
+    assert VelocityMove(PROFILE._replace(speed=None), drive.parameters, ready()).commanded.speed is None
+    assert TorqueMove(5, None, drive.parameters, ready()).commanded == CommandedMotion(by_torque=True)
+    assert moving(drive, 5).commanded == CommandedMotion(10_000.0, 100_000.0, 50_000.0, by_target=True)
 
 
 def test_a_jog_lasts_as_long_as_it_is_renewed():
@@ -1002,7 +1014,7 @@ def test_the_path_of_a_drive_is_its_last_four_states():
 def test_a_fault_is_explained_by_its_code_and_its_previous_state():
     drive = Drive(fault_objects=((0x603F, 0),))
     told = FaultDiagnosis(drive.parameters, drive.now)
-    assert told.tell(drive.image, DriveHistory()).observed.startswith(
+    assert told.fault_error(drive.image, DriveHistory()).observed.startswith(
         "its error code is being read (603Fh); "
     )
     assert not told.step(*drive.cycle(statusword=FAULT))
@@ -1010,12 +1022,12 @@ def test_a_fault_is_explained_by_its_code_and_its_previous_state():
         assert request.index == 0x603F
         drive.answers(request.id, 0x2310)
     assert told.step(*drive.cycle())
-    error = told.tell(drive.image, history(drive, FAULT))
+    error = told.fault_error(drive.image, history(drive, FAULT))
     assert (error.message, error.code) == ("x: the drive was found in fault", 0x2310)
     assert "2310" in error.observed
     told.doing = " during x.home()"
     assert (
-        told.tell(drive.image, history(drive, ENABLED, FAULT)).message
+        told.fault_error(drive.image, history(drive, ENABLED, FAULT)).message
         == "x: the drive went into fault during x.home()"
     )
 
@@ -1043,7 +1055,7 @@ def test_the_code_of_a_fault_is_603fh_and_else_the_newest_emergency_of_the_last_
     assert told.step(*drive.cycle())
     made = history(drive, FAULT)
     made.emcy.extend(Emcy(each, 0x01, bytes(5), drive.now - age) for each, age in emergencies)
-    error = told.tell(drive.image, made)
+    error = told.fault_error(drive.image, made)
     assert error.code == code
     texts = [f"EMCY {emcy.describe(each)} (error register: generic error)" for each, age in emergencies]
     shown = [text for text, (each, age) in zip(texts, emergencies, strict=True) if each and age < 5.0]
@@ -1055,19 +1067,19 @@ def test_the_explanation_of_the_make_is_in_the_report_of_a_fault():
         explain_fault=lambda code, values: [f"{code:04X}h and {values}"], fault_objects=((0x6041, 0),)
     )
     told = FaultDiagnosis(drive.parameters, drive.now)
-    assert "; 0000h and {}; " in told.tell(drive.image, DriveHistory()).observed
+    assert "; 0000h and {}; " in told.fault_error(drive.image, DriveHistory()).observed
     told.step(*drive.cycle(statusword=FAULT))
     for request in drive.order.sdo:
         drive.answers(request.id, 0x2310 if request.index == 0x603F else 7)
     assert told.step(*drive.cycle())
-    assert f"; 2310h and { ({(0x6041, 0): 7}) }; " in told.tell(drive.image, DriveHistory()).observed
+    assert f"; 2310h and { ({(0x6041, 0): 7}) }; " in told.fault_error(drive.image, DriveHistory()).observed
 
 
 def test_a_fault_is_reported_with_its_last_two_emergencies():
     drive = Drive()
     made = history(drive, FAULT)
     made.emcy.extend(Emcy(code, 0, bytes(5), drive.now) for code in (0x2310, 0x3210, 0x8611))
-    error = FaultDiagnosis(drive.parameters, drive.now).tell(drive.image, made)
+    error = FaultDiagnosis(drive.parameters, drive.now).fault_error(drive.image, made)
     assert error.observed.split("; ")[1:] == [
         *(f"EMCY {emcy.describe(code)}" for code in (0x3210, 0x8611)),
         "path: fault",
@@ -1105,7 +1117,7 @@ def test_a_drive_that_does_not_explain_its_fault_has_its_time():
         assert drive.now < began + 2.0
     assert drive.now - began == 45 * T  # the first cycle after 0.7 s
     assert drive.order.cancel
-    assert "no error code could be read (603Fh)" in silent.tell(drive.image, DriveHistory()).observed
+    assert "no error code could be read (603Fh)" in silent.fault_error(drive.image, DriveHistory()).observed
     refused = FaultDiagnosis(drive.parameters, drive.now)
     refused.step(*drive.cycle())
     for request in drive.order.sdo:
@@ -1176,26 +1188,34 @@ def test_remedies_are_reported_once_each_the_first_first():
 
 
 def test_the_last_set_point_sent_is_the_reference():
-    led = ReferenceTracker()
-    led.note(1.0, 1, None, 500, True)
-    assert (led.set_point, led.set_point_at, led.target) == (500, 1.0, None)
-    led.note(2.0, 1, None, 500, True)
-    assert led.set_point_at == 1.0  # the same one again
-    led.note(3.0, 1, None, 600, False)
-    assert led.set_point == 500
-    led.note(4.0, 8, None, 700, False)
-    assert led.target == 700
-    led.note(5.0, 8, None, None, False)
-    assert led.target == 700
-    led.note(6.0, 3, None, 800, False)
-    assert led.target is None
-    led.note(7.0, 6, None, None, True)
-    led.note(8.0, 6, None, None, True)
-    assert led.searching_since == 7.0
-    led.note(9.0, 6, None, None, False)
-    assert led.searching_since == float("inf")
-    led.forget(10.0)
-    assert (led.target, led.set_point, led.since) == (None, None, 10.0)
+    reference_tracker = ReferenceTracker()
+    reference_tracker.note(1.0, 1, None, 500, True)
+    assert (reference_tracker.set_point, reference_tracker.set_point_at, reference_tracker.target) == (
+        500,
+        1.0,
+        None,
+    )
+    reference_tracker.note(2.0, 1, None, 500, True)
+    assert reference_tracker.set_point_at == 1.0  # the same one again
+    reference_tracker.note(3.0, 1, None, 600, False)
+    assert reference_tracker.set_point == 500
+    reference_tracker.note(4.0, 8, None, 700, False)
+    assert reference_tracker.target == 700
+    reference_tracker.note(5.0, 8, None, None, False)
+    assert reference_tracker.target == 700
+    reference_tracker.note(6.0, 3, None, 800, False)
+    assert reference_tracker.target is None
+    reference_tracker.note(7.0, 6, None, None, True)
+    reference_tracker.note(8.0, 6, None, None, True)
+    assert reference_tracker.homing_since == 7.0
+    reference_tracker.note(9.0, 6, None, None, False)
+    assert reference_tracker.homing_since == float("inf")
+    reference_tracker.forget(10.0)
+    assert (reference_tracker.target, reference_tracker.set_point, reference_tracker.since) == (
+        None,
+        None,
+        10.0,
+    )
 
 
 @pytest.mark.parametrize(
@@ -1213,9 +1233,9 @@ def test_the_last_set_point_sent_is_the_reference():
     ],
 )
 def test_the_pull_of_the_demand_on_an_axis(mode, target, lead, position, state, pull):
-    led = ReferenceTracker()
-    led.note(0.0, mode, None, target, False)
-    assert led.pull(lead, position, state) == pull
+    reference_tracker = ReferenceTracker()
+    reference_tracker.note(0.0, mode, None, target, False)
+    assert reference_tracker.pull(lead, position, state) == pull
 
 
 @pytest.mark.parametrize(
@@ -1244,13 +1264,13 @@ def test_the_pull_of_the_demand_on_an_axis(mode, target, lead, position, state, 
 def test_after_a_quick_stop_the_last_target_does_not_pull_an_axis_that_has_braked(
     step, quick, position, lead, pull
 ):
-    led = ReferenceTracker(quick=quick)
+    reference_tracker = ReferenceTracker(quick=quick)
     for number, target in enumerate((1000 - step, 1000)):
-        led.note(float(number), 8, None, target, False)
-    led.note(2.0, 8, None, None, False)  # the quick stop sends no target
-    assert led.pull(lead, position, PowerState.QUICK_STOP_ACTIVE) == pull
+        reference_tracker.note(float(number), 8, None, target, False)
+    reference_tracker.note(2.0, 8, None, None, False)  # the quick stop sends no target
+    assert reference_tracker.pull(lead, position, PowerState.QUICK_STOP_ACTIVE) == pull
     if pull != 200:  # in operation enabled the drive follows its target
-        assert led.pull(lead, position, PowerState.OPERATION_ENABLED) == 1000 - position
+        assert reference_tracker.pull(lead, position, PowerState.OPERATION_ENABLED) == 1000 - position
 
 
 @pytest.mark.parametrize(
@@ -1272,25 +1292,25 @@ def test_after_a_quick_stop_the_last_target_does_not_pull_an_axis_that_has_brake
 def test_the_time_of_a_quick_stop_with_an_unknown_ramp_shows_that_the_axis_has_braked(
     step, position, rests, pull
 ):
-    led = ReferenceTracker(period=1.0)
+    reference_tracker = ReferenceTracker(period=1.0)
     for number, target in enumerate((1000 - step, 1000)):
-        led.note(float(number), 8, None, target, False)
+        reference_tracker.note(float(number), 8, None, target, False)
     for number in range(2, 5):  # the quick stop sends no target
-        led.note(float(number), 8, None, None, False)
-    seen = led.pull(None, position, PowerState.QUICK_STOP_ACTIVE, rests)
+        reference_tracker.note(float(number), 8, None, None, False)
+    seen = reference_tracker.pull(None, position, PowerState.QUICK_STOP_ACTIVE, rests)
     assert seen == (pull or None)
-    led.note(5.0, 8, None, 1000, False)  # a new target pulls again
-    assert led.pull(None, position, PowerState.OPERATION_ENABLED, rests) == 1000 - position
+    reference_tracker.note(5.0, 8, None, 1000, False)  # a new target pulls again
+    assert reference_tracker.pull(None, position, PowerState.OPERATION_ENABLED, rests) == 1000 - position
 
 
 def test_in_a_velocity_mode_6062h_counts_once_it_has_moved():
-    led = ReferenceTracker()
-    led.note(0.0, 3, 100, None, False)
-    shown = [led.counts(demand, 3) for demand in (100, 120, 121, 80, 79)]
+    reference_tracker = ReferenceTracker()
+    reference_tracker.note(0.0, 3, 100, None, False)
+    shown = [reference_tracker.counts(demand, 3) for demand in (100, 120, 121, 80, 79)]
     assert shown == [False, False, True, False, True]
-    assert not led.counts(500, 4)  # it is not in that mode
-    assert led.counts(500, 1)
-    assert not led.counts(None, 1)
+    assert not reference_tracker.counts(500, 4)  # it is not in that mode
+    assert reference_tracker.counts(500, 1)
+    assert not reference_tracker.counts(None, 1)
 
 
 # The end of a stop without 6062h.
@@ -1311,19 +1331,19 @@ def test_when_an_old_target_may_still_pull(mode, set_point, demand, needed):
     drive = Drive()
     drive.cycle(statusword=ENABLED, mode=mode, position=0, demand=demand)
     if set_point is not None:
-        drive.image.led.note(drive.now, 1, None, set_point, True)
+        drive.image.reference_tracker.note(drive.now, 1, None, set_point, True)
     assert needs_relief(drive.image, drive.parameters) is needed
-    assert is_blind(drive.image, drive.parameters) is needed
+    assert is_target_unknown(drive.image, drive.parameters) is needed
 
 
 def test_a_homing_search_is_blind_without_a_demand():
     drive = Drive()
     drive.cycle(statusword=ENABLED, mode=6, position=0)
-    assert not is_blind(drive.image, drive.parameters)
-    drive.image.led.note(drive.now, 6, None, None, True)
-    assert not is_blind(drive.image, drive.parameters)  # it begins in this cycle
+    assert not is_target_unknown(drive.image, drive.parameters)
+    drive.image.reference_tracker.note(drive.now, 6, None, None, True)
+    assert not is_target_unknown(drive.image, drive.parameters)  # it begins in this cycle
     drive.cycle(position=0)
-    assert is_blind(drive.image, drive.parameters)
+    assert is_target_unknown(drive.image, drive.parameters)
 
 
 def test_a_relief_is_a_slow_set_point_under_halt():

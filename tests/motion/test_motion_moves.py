@@ -191,7 +191,7 @@ def test_a_set_point_that_is_not_taken_fails_with_bits_4_and_12_and_the_axis_is_
     assert "bit 4 (new set-point) was 1" in caught.value.observed
     assert "bit 12 (set-point acknowledge) stayed 0" in caught.value.observed
     assert r.axis.state is AxisState.ERRORSTOP
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     r.drive.dials.acknowledge_delay = 0.0
     r.axis.reset().wait(1)
     watch = Watch(r)
@@ -205,7 +205,7 @@ def test_an_acknowledge_that_never_falls_fails_the_move_that_meets_it():
     r.drive.dials.acknowledge_stays = True
     with pytest.raises(SetPointError):
         r.axis.move_absolute(10.0).wait(5)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     r.axis.reset().wait(1)
     watch = Watch(r)
     with pytest.raises(SetPointError, match="handshake"):

@@ -218,7 +218,7 @@ def test_no_motion_takes_an_axis_beyond_a_limit_farther_out(way, place):
         r.run(PERIOD)
         assert out_of(r) <= begun + SLACK
     assert handle is None or handle.busy or isinstance(handle.exception(), AxisbusError)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     if r.axis.state is AxisState.ERRORSTOP:
         r.axis.reset().wait(3)
         r.axis.enable().wait(3)

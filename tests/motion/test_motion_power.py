@@ -142,7 +142,7 @@ def test_a_repeated_reset_makes_no_second_edge():
     assert watch.transitions == [15]
 
 
-@pytest.mark.parametrize("what", [{}, {"coast": True}], ids=["by the ladder", "coasting"])
+@pytest.mark.parametrize("what", [{}, {"coast": True}], ids=["by the stop sequence", "coasting"])
 def test_a_repeated_disable_ends_with_the_first(what):
     r = rig().enabled()
     r.drive.dials.transition_delay[5] = r.drive.dials.transition_delay[9] = 0.1
@@ -462,7 +462,7 @@ def test_coasting_out_of_errorstop_does_not_clear_the_error():
     r = rig().enabled()
     with pytest.raises(DriveError):
         r.axis.move_absolute(100.0, timeout=0.2).wait(5)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     r.axis.disable(coast=True).wait(2)
     assert r.axis.state is AxisState.ERRORSTOP
     assert r.axis.error is not None
@@ -592,7 +592,7 @@ def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
     r = rig().enabled()
     with pytest.raises(DriveError):
         r.axis.move_absolute(100.0, timeout=0.2).wait(5)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert r.drive.power.stage == ENABLED
     watch = Watch(r)
     r.drive.controlword = 0x00  # an enable input was cut

@@ -148,7 +148,9 @@ def test_a_move_that_takes_over_more_slowly_has_a_note():
 
 def test_target_reached_of_the_first_move_does_not_end_the_move_that_joined():
     drive, reached, acknowledge = Drive(), 0x0400, 0x1000
-    ready = SimpleNamespace(step=lambda *_: True, cancel=lambda _: None, leading=None, leaving=None)
+    ready = SimpleNamespace(
+        step=lambda *_: True, cancel=lambda _: None, set_point_source=None, pending_mode_switch=None
+    )
     ready.ramps = RampTransfers((), drive.parameters)
     first = CommandStatus("first")
     move = PositionMove(500, SLOW, drive.parameters, ready, None)

@@ -210,7 +210,7 @@ def test_limits_refuse_a_streamed_path_as_they_refuse_a_direct_one():
             r = rig(limits=limits).enabled()
             watch = Watch(r)
             handle = Wire(r, path).follow() if streams else r.axis.follow(path)
-            r.until(lambda: not handle.busy and r.core.ladder is None)  # noqa: B023
+            r.until(lambda: not handle.busy and r.core.stop_sequence is None)  # noqa: B023
             error = handle.exception()
             ends.append(
                 (r.drive.position, watch.targets, error and (error.message, error.observed, error.remedy))
@@ -258,7 +258,7 @@ def test_an_axis_whose_program_sends_nothing_more_is_braked_along_the_known_part
     r.until(lambda: not handle.busy)
     error = handle.exception()
     assert isinstance(error, CommandError)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert r.axis.state is AxisState.ERRORSTOP
     assert watch.transitions == []  # along the path: no quick stop
     assert watch.acceleration() <= max(500_000, hardest(path)) * 1.1
@@ -318,7 +318,7 @@ def test_a_slow_deceleration_requires_the_path_as_far_ahead_as_braking_takes():
     wire = Wire(r, path, delay=late_at(4.0))
     handle = wire.follow()
     r.until(lambda: not handle.busy, 20)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert isinstance(handle.exception(), CommandError)
     assert watch.acceleration() <= 500_000 * 1.05  # at its beginning
     must_lie_on(path, watch, wire.stream.known_until)
@@ -329,7 +329,7 @@ def test_without_a_known_deceleration_the_drive_stops_it_before_its_targets_end(
     watch = Watch(r)
     wire = Wire(r, LONG, delay=late_at(0.5))
     handle = wire.follow()
-    r.until(lambda: not handle.busy and r.core.ladder is None)
+    r.until(lambda: not handle.busy and r.core.stop_sequence is None)
     assert isinstance(handle.exception(), CommandError)
     assert handle.exception().remedy.endswith("the axis was stopped")
     assert 11 in watch.transitions
@@ -354,7 +354,7 @@ def test_an_exception_of_the_program_ends_the_command_and_brakes_the_axis_along_
     with pytest.raises(ArgumentError, match=r"^x: the trajectory returned no position at 3.0\d0 s") as caught:
         handle.wait(1)
     assert isinstance(caught.value.__cause__, RuntimeError)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert watch.displacement > 100
     assert watch.transitions == []
     must_lie_on(path, watch, 3.0)
@@ -441,7 +441,7 @@ def test_a_waiting_group_is_braked_along_the_known_part_too():
     handle = r.group("x", "y").move_direct((400.0, 20.0))
     r.until(lambda: not handle.busy)
     assert "did not send its trajectory in time" in str(handle.exception())
-    r.until(lambda: all(core.ladder is None for core in r.scan.axes.values()))
+    r.until(lambda: all(core.stop_sequence is None for core in r.scan.axes.values()))
     assert watch.acceleration() <= 500_000 * 1.1
     assert watch.transitions == []
     assert watch.travel[1] <= LONG.position(wire.stream.known_until) * 1000
@@ -453,5 +453,5 @@ def test_the_other_axes_of_a_group_are_stopped_with_one_whose_program_stops_send
     second = r.axes["y"].follow(TrapezoidalTrajectory(0.0, -400.0, 80.0, 500.0))
     r.until(lambda: not first.busy and not second.busy)
     assert isinstance(second.exception(), Stopped)
-    r.until(lambda: all(core.ladder is None for core in r.scan.axes.values()))
+    r.until(lambda: all(core.stop_sequence is None for core in r.scan.axes.values()))
     assert all(abs(device.drives[0].axis.motor.velocity) < 1.0 for device in r.devices)

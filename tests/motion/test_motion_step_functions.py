@@ -38,7 +38,7 @@ from axisbus.motion.stop.diagnosis import THEN, chained
 from axisbus.motion.stop.sdo_path import SdoPath
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.motion.stop.standstill import StandstillCheck, StandstillWaiters
-from axisbus.motion.stop.velocity_following import RampedWay, ramped_way
+from axisbus.motion.stop.velocity_following import VelocityRampTracker, drive_ramp_tracker
 from axisbus.motion.stop_deceleration import Braking
 from axisbus.motion.trajectory import SampledTrajectory, TrapezoidalTrajectory
 from axisbus.motion.velocity_estimator import VelocityEstimator
@@ -316,16 +316,16 @@ def test_a_drive_without_pdos_is_polled_ten_times_a_second_until_two_positions_a
     path = SdoPath(drive.parameters)
     path.look(*drive.cycle(statusword=None))
     assert [(request.index, request.value) for request in drive.order.sdo] == [(0x6041, None), (0x6064, None)]
-    assert (path.state, path.stands, path.may_turn) == (None, False, True)
+    assert (path.state, path.at_standstill, path.may_turn) == (None, False, True)
     asked = [request.id for request in drive.order.sdo]
     drive.later(0.5)
     path.look(*drive.cycle())
     assert drive.order.sdo == []  # the answers are still out
     drive.answers(asked[0], 0x0237).answers(asked[1], 1000)
     path.look(*drive.cycle())
-    assert (path.state, path.stands) == (PowerState.OPERATION_ENABLED, False)
+    assert (path.state, path.at_standstill) == (PowerState.OPERATION_ENABLED, False)
     first = drive.now
-    for position, stands in [
+    for position, at_standstill in [
         (1003, False),
         (1005, True),
         (1005, True),
@@ -338,8 +338,8 @@ def test_a_drive_without_pdos_is_polled_ten_times_a_second_until_two_positions_a
         asked = [request.id for request in drive.order.sdo]
         drive.answers(asked[0], 0x0007).answers(asked[1], position).answers(asked[2], 1)
         path.look(*drive.answers(asked[3], 1000).cycle())
-        assert (path.state, path.stands) == (PowerState.QUICK_STOP_ACTIVE, stands), position
-        assert path.may_turn is not stands
+        assert (path.state, path.at_standstill) == (PowerState.QUICK_STOP_ACTIVE, at_standstill), position
+        assert path.may_turn is not at_standstill
         assert drive.order.sdo == []
         while not drive.order.sdo:
             path.look(*drive.cycle())
@@ -347,17 +347,17 @@ def test_a_drive_without_pdos_is_polled_ten_times_a_second_until_two_positions_a
         assert drive.now - first == 7 * T  # the first cycle after 0.1 s
         first = drive.now
     path.look(*drive.cycle(statusword=READY))
-    assert (path.state, path.stands, path.may_turn) == (None, False, True)
+    assert (path.state, path.at_standstill, path.may_turn) == (None, False, True)
     near = Drive()
     once = SdoPath(near.parameters)
     once.look(*near.cycle(statusword=None))
     status, position = (request.id for request in near.order.sdo)
     once.look(*near.answers(status, 0x0237).answers(position, 1).cycle())
-    assert not once.stands  # one position does not prove standstill
+    assert not once.at_standstill  # one position does not prove standstill
 
 
 @pytest.mark.parametrize(
-    ("mode", "demand", "before", "stands"),
+    ("mode", "demand", "before", "at_standstill"),
     [
         (1, 5000, None, True),  # the window is of 4000
         (1, 5001, None, False),
@@ -367,10 +367,10 @@ def test_a_drive_without_pdos_is_polled_ten_times_a_second_until_two_positions_a
         (3, 9000, 8000, False),  # unless it has moved in this mode
     ],
 )
-def test_a_drive_that_pulls_is_not_at_standstill_by_sdo(mode, demand, before, stands):
+def test_a_drive_that_pulls_is_not_at_standstill_by_sdo(mode, demand, before, at_standstill):
     drive = Drive()
     drive.cycle(statusword=ENABLED, position=1000, demand=before, mode=mode)
-    drive.image.led.note(drive.now, mode, before, None, False)
+    drive.image.reference_tracker.note(drive.now, mode, before, None, False)
     path = SdoPath(drive.parameters)
     for _ in range(3):
         path.look(*drive.cycle(statusword=None, mode=None, position=None, demand=None))
@@ -381,7 +381,7 @@ def test_a_drive_that_pulls_is_not_at_standstill_by_sdo(mode, demand, before, st
             drive.answers(request.id, values[request.index])
     path.look(*drive.cycle())
     assert path.state is PowerState.QUICK_STOP_ACTIVE
-    assert path.stands is stands
+    assert path.at_standstill is at_standstill
     assert not path.may_turn
 
 
@@ -723,8 +723,8 @@ def test_an_unknown_value_ends_the_track():
 # The way of a velocity on ramps.
 
 
-def ramped(drive: Drive, target: int, up: float = 640.0, down: float = 320.0) -> RampedWay:
-    way = RampedWay(target, 2.0, up, down, 100.0)
+def ramped(drive: Drive, target: int, up: float = 640.0, down: float = 320.0) -> VelocityRampTracker:
+    way = VelocityRampTracker(target, 2.0, up, down, 100.0)
     way.step(drive.cycle(position=0, velocity=0)[0])
     return way
 
@@ -738,13 +738,13 @@ def test_a_ramp_goes_up_by_the_acceleration_and_down_by_the_deceleration():
         way.step(drive.cycle(position=0)[0])
         speeds.append(round(way.speed, 6))
     assert speeds == [min(10.0 * (k + 1), 200.0) for k in range(22)]
-    down = RampedWay(50, 2.0, 640.0, 320.0, 100.0)
+    down = VelocityRampTracker(50, 2.0, 640.0, 320.0, 100.0)
     down.step(drive.cycle(position=0, velocity=100)[0])
     assert down.speed == 200.0
     for expected in (195.0, 190.0, 185.0):
         down.step(drive.cycle(position=0)[0])
         assert down.speed == pytest.approx(expected)
-    turns = RampedWay(-50, 2.0, 640.0, 320.0, 100.0)
+    turns = VelocityRampTracker(-50, 2.0, 640.0, 320.0, 100.0)
     turns.step(drive.cycle(position=0, velocity=5)[0])
     for expected in (5.0, 0.0, -10.0, -20.0):
         turns.step(drive.cycle(position=0)[0])
@@ -754,7 +754,7 @@ def test_a_ramp_goes_up_by_the_acceleration_and_down_by_the_deceleration():
 def test_after_a_lost_position_a_ramp_has_the_accelerations_of_the_last_command():
     drive = Drive()
     way = ramped(drive, 100)
-    way.go_on(200, 1280.0, 320.0)
+    way.continue_with(200, 1280.0, 320.0)
     drive.image.position = None
     way.step(drive.image)
     assert way.behind is None
@@ -769,9 +769,9 @@ def test_a_ramp_begins_at_the_speed_of_the_positions_if_the_last_velocity_is_old
     drive.cycle(position=0, velocity=-100)
     drive.cycle(position=0)
     drive.cycle(position=0)
-    stands, goes = (RampedWay(100, 2.0, 640.0, 320.0, 100.0) for _ in range(2))
-    stands.step(drive.cycle(position=0)[0])
-    assert stands.speed == 0.0
+    at_standstill, goes = (VelocityRampTracker(100, 2.0, 640.0, 320.0, 100.0) for _ in range(2))
+    at_standstill.step(drive.cycle(position=0)[0])
+    assert at_standstill.speed == 0.0
     goes.step(drive.cycle(position=5)[0])
     assert goes.speed == pytest.approx(5.0 / T)
 
@@ -780,7 +780,7 @@ def test_a_ramp_begins_at_the_speed_of_the_positions_if_the_last_velocity_is_old
 def test_an_axis_that_gets_another_velocity_while_it_settles_has_no_following_error(cycles):
     """Its motor came to rest later than the ramp, by its lag; this distance does not count for the next velocity."""
     drive = Drive(ages={"position": 10.0, "velocity": 10.0})
-    way, place = RampedWay(0, 1.0, 10_000.0, 10_000.0, 100.0), 0.0
+    way, place = VelocityRampTracker(0, 1.0, 10_000.0, 10_000.0, 100.0), 0.0
     way.step(drive.cycle(position=0, velocity=2000)[0])
     for cycle in range(20 + cycles):  # the ramp takes 20 cycles; the motor is 0.1 s late
         place += T * min(2000.0, max(0.0, 2000.0 - 10_000.0 * T * (cycle - 10)))
@@ -823,7 +823,7 @@ def test_a_moving_axis_does_not_lag_and_a_held_one_does():
 def test_a_new_velocity_may_be_taken_in_any_of_some_cycles_without_a_lag(late):
     """The axis goes at 2000, is asked to stop at once, and does so up to four cycles later: it is not behind, then or for good."""
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
-    way = RampedWay(1000, 2.0, math.inf, math.inf, 100.0, delay=4 * T)
+    way = VelocityRampTracker(1000, 2.0, math.inf, math.inf, 100.0, delay=4 * T)
     way.step(drive.cycle(position=0, velocity=1000)[0])
     position = 0.0
     for cycle in range(400):
@@ -844,7 +844,7 @@ def test_a_new_velocity_may_be_taken_in_any_of_some_cycles_without_a_lag(late):
 def test_two_velocities_in_a_row_may_each_be_taken_in_any_of_some_cycles(sign, first, second):
     """The axis reaches 2000 at once, is slowed to 200 two cycles later, and slows down weakly: every delay of each is followed."""
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
-    way = RampedWay(sign * 1000, 2.0, math.inf, 100.0, 10.0, delay=4 * T)
+    way = VelocityRampTracker(sign * 1000, 2.0, math.inf, 100.0, 10.0, delay=4 * T)
     way.step(drive.cycle(position=0, velocity=0)[0])
     position = speed = 0.0
     for cycle in range(200):
@@ -860,7 +860,7 @@ def test_two_velocities_in_a_row_may_each_be_taken_in_any_of_some_cycles(sign, f
 @pytest.mark.parametrize("sign", [1, -1])
 def test_the_distance_of_settling_after_a_stop_decays_and_creeping_does_not(sign):
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
-    way = RampedWay(sign * 1000, 2.0, math.inf, math.inf, 100.0)
+    way = VelocityRampTracker(sign * 1000, 2.0, math.inf, math.inf, 100.0)
     way.step(drive.cycle(position=0, velocity=sign * 1000)[0])
     way.aim(0)
     behind = []
@@ -881,7 +881,7 @@ def test_a_lag_on_a_ramp_from_standstill_is_measured_beyond_the_delay_of_a_comma
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
-    way = RampedWay(sign * 5000, 2.0, 40_000.0, 40_000.0, 100.0, delay=4 * T)
+    way = VelocityRampTracker(sign * 5000, 2.0, 40_000.0, 40_000.0, 100.0, delay=4 * T)
     way.step(drive.cycle(position=0, velocity=0)[0])
     assert drive.image.standstill
     assert way.lag is None
@@ -903,7 +903,7 @@ def test_a_lag_of_the_first_order_is_seen_while_the_ramp_still_rises(sign):
     drive, lag, acceleration = Drive(ages={"position": 1e9, "velocity": 1e9}), 0.05, 40_000.0
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
-    way = RampedWay(sign * 50_000, 2.0, acceleration, acceleration, 100.0)
+    way = VelocityRampTracker(sign * 50_000, 2.0, acceleration, acceleration, 100.0)
     way.step(drive.cycle(position=0, velocity=0)[0])
     for cycle in range(1, 33):  # 0.5 s
         time = cycle * T
@@ -919,12 +919,12 @@ def test_a_velocity_given_on_a_ramp_keeps_the_measured_lag():
     drive, lag = Drive(ages={"position": 1e9, "velocity": 1e9}), 10
     for _ in range(100):
         drive.cycle(position=0, velocity=0)
-    way = RampedWay(2000, 2.0, 40_000.0, 40_000.0, 100.0)
+    way = VelocityRampTracker(2000, 2.0, 40_000.0, 40_000.0, 100.0)
     commanded, position = [0.0] * (lag + 1), 0.0
     for cycle in range(60):
         if cycle == 5:  # the axis has hardly moved by then
             assert way.began_at_rest
-            way.go_on(8000, 40_000.0, 40_000.0)
+            way.continue_with(8000, 40_000.0, 40_000.0)
         way.step(drive.cycle(position=round(position), velocity=round(commanded[-1 - lag] / 2))[0])
         commanded.append(min(commanded[-1] + 40_000.0 * T, 4000.0 if cycle < 4 else 16_000.0))
         position += 0.5 * (commanded[-2 - lag] + commanded[-1 - lag]) * T
@@ -935,11 +935,11 @@ def test_a_velocity_given_on_a_ramp_that_began_in_motion_knows_no_lag_either():
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
     profile = MoveProfile(1000, 1000, 1000, 2000.0, 4000.0, up=4000.0, down=4000.0)
     parameters = drive.parameters
-    first = way = ramped_way(profile, parameters)
+    first = way = drive_ramp_tracker(profile, parameters)
     for cycle in range(60):
         image = drive.cycle(position=20 * cycle, velocity=640)[0]
         if cycle == 5:
-            way = ramped_way(profile._replace(velocity=2000), parameters, first)
+            way = drive_ramp_tracker(profile._replace(velocity=2000), parameters, first)
             assert way is not first
         way.step(image)
     assert way.behind > 0.0
@@ -948,7 +948,7 @@ def test_a_velocity_given_on_a_ramp_that_began_in_motion_knows_no_lag_either():
 
 def test_a_path_that_begins_in_motion_shows_no_lag():
     drive = Drive(ages={"position": 1e9, "velocity": 1e9})
-    way = RampedWay(1000, 2.0, 4000.0, 4000.0, 100.0, delay=4 * T)
+    way = VelocityRampTracker(1000, 2.0, 4000.0, 4000.0, 100.0, delay=4 * T)
     for cycle in range(60):
         way.step(drive.cycle(position=20 * cycle, velocity=640)[0])
     assert way.behind > 0.0
@@ -967,7 +967,7 @@ def test_without_a_position_the_progress_is_unknown():
     assert way.behind is None
     way.step(drive.cycle(position=500, velocity=30)[0])
     assert (way.behind, way.speed) == (0.0, 60.0)
-    unknown = RampedWay(100, 2.0, 1.0, 1.0, 1.0)
+    unknown = VelocityRampTracker(100, 2.0, 1.0, 1.0, 1.0)
     unknown.step(Drive().cycle(position=5)[0])
     assert unknown.behind is None
 
@@ -1032,7 +1032,7 @@ def test_standstill_needs_positions_of_a_whole_window_after_the_beginning():
     while not look.seen(drive.cycle(position=1)[0]):
         assert drive.now < began + 1.0
     assert drive.now - began == 0.0625 + T
-    assert look.witness == ""
+    assert look.weaker_evidence == ""
 
 
 @pytest.mark.parametrize(
@@ -1046,7 +1046,7 @@ def test_an_axis_with_a_demand_beyond_its_window_is_not_at_standstill(demand, pu
         seen = look.seen(drive.image)
     assert seen is not pulls
     assert look.pulls(drive.image) is pulls
-    assert look.is_held(drive.image) is pulls
+    assert look.is_blocked(drive.image) is pulls
     assert ("jumps" in look.why_not(drive.image)) is pulls
 
 
@@ -1057,7 +1057,7 @@ def test_without_a_position_standstill_is_judged_by_velocity_or_else_by_bit_10()
     while not look.seen(drive.cycle(statusword=ENABLED, velocity=0)[0]):
         assert drive.now < began + 1.0
     assert drive.now - began == 0.0625 + T
-    assert "606Ch" in look.witness
+    assert "606Ch" in look.weaker_evidence
     assert not look.seen(drive.cycle(velocity=1)[0])
     silent = Drive()
     look = StandstillCheck(silent.parameters, silent.now)
@@ -1066,7 +1066,7 @@ def test_without_a_position_standstill_is_judged_by_velocity_or_else_by_bit_10()
     while not look.seen(silent.cycle(statusword=ENABLED | 0x0400)[0]):
         assert silent.now < began + 1.0
     assert silent.now - began == 0.125 + T
-    assert "bit 10" in look.witness
+    assert "bit 10" in look.weaker_evidence
     assert look.why_not(silent.image) == "its position (6064h) is not known"
     assert not look.seen(silent.cycle(statusword=None)[0])
 
@@ -1387,7 +1387,7 @@ def test_a_demand_received_as_often_as_the_position_must_be_constant_too():
 
 
 def test_an_axis_that_pushes_against_something_is_not_at_standstill():
-    for holds_load, torque, stands in (
+    for holds_load, torque, at_standstill in (
         (HoldsLoad.NO, 50, True),
         (HoldsLoad.NO, 51, False),
         (HoldsLoad.NO, -51, False),
@@ -1397,12 +1397,12 @@ def test_an_axis_that_pushes_against_something_is_not_at_standstill():
         look = StandstillCheck(drive.parameters, drive.now)
         for _ in range(12):
             seen = look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0, torque=torque)[0])
-        assert seen is stands
-        assert look.is_held(drive.image) is not stands
+        assert seen is at_standstill
+        assert look.is_blocked(drive.image) is not at_standstill
         if torque == -51:
             assert not look.pulls(drive.cycle(statusword=0x0250)[0])  # without power nothing pushes any more
             continue
-        assert ("pushes with 5.1 % of its rated torque" in look.why_not(drive.image)) is not stands
+        assert ("pushes with 5.1 % of its rated torque" in look.why_not(drive.image)) is not at_standstill
 
 
 def test_in_a_torque_mode_without_a_torque_value_standstill_is_judged_by_position():
@@ -1454,17 +1454,19 @@ def test_an_axis_of_unknown_position_does_not_count_as_held():
     look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
         look.seen(drive.cycle(statusword=ENABLED, mode=4, position=0, torque=51)[0])
-    assert look.is_held(drive.image)
-    assert not look.is_held(drive.cycle(position=None)[0])
+    assert look.is_blocked(drive.image)
+    assert not look.is_blocked(drive.cycle(position=None)[0])
 
 
-@pytest.mark.parametrize(("velocity", "stands"), [(100, True), (-100, True), (101, False), (-101, False)])
-def test_by_velocity_an_axis_is_at_standstill_below_the_speed_of_the_cell_file(velocity, stands):
+@pytest.mark.parametrize(
+    ("velocity", "at_standstill"), [(100, True), (-100, True), (101, False), (-101, False)]
+)
+def test_by_velocity_an_axis_is_at_standstill_below_the_speed_of_the_cell_file(velocity, at_standstill):
     drive = Drive(standstill_speed=100.0)
     look = StandstillCheck(drive.parameters, drive.now)
     for _ in range(12):
         seen = look.seen(drive.cycle(statusword=ENABLED, velocity=velocity)[0])
-    assert seen is stands
+    assert seen is at_standstill
 
 
 # Commands that take effect at standstill.

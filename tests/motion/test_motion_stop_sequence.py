@@ -16,7 +16,7 @@ from axisbus.motion.parameters import AxisLimits, Defaults, HoldsLoad, StopTimes
 from axisbus.motion.pathclock import PathClock
 from axisbus.motion.states import AxisState
 from axisbus.motion.stop.coast_down import CoastDown
-from axisbus.motion.stop.shutdown_stop import AxisLeaving, ShutdownStop
+from axisbus.motion.stop.shutdown_stop import AxisShutdown, ShutdownStop
 from axisbus.motion.stop.stop_sequence import AfterStop, StopLevel, StopSequence
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from kit.motion.rig import rig
@@ -104,8 +104,8 @@ class Stop:
         **changes,
     ) -> None:
         self.drive = Drive(by_event=by_event, **({"stop_times": TIMES} | changes))
-        self.ladder = StopSequence(self.drive.parameters, then, start=start)
-        self.run_down = CoastDown(self.drive.parameters)
+        self.stop_sequence = StopSequence(self.drive.parameters, then, start=start)
+        self.coast_down = CoastDown(self.drive.parameters)
         self.drive.order.goal = PowerState.OPERATION_ENABLED
         self.place = 0
         self.done = False
@@ -116,7 +116,7 @@ class Stop:
         for _ in range(cycles):
             self.place += 100 * moving
             self.drive.cycle(position=self.place, **values)
-            self.run_down.look(self.drive.image, True)
+            self.coast_down.look(self.drive.image, True)
         return self
 
     def run(self, cycles: int, moving: bool, position: bool = True, **values: int | None) -> Stop:
@@ -124,8 +124,8 @@ class Stop:
         for _ in range(cycles):
             self.place += 100 * moving
             image, order = self.drive.cycle(**({"position": self.place} if position else {}), **values)
-            self.run_down.look(image, True)
-            self.done = self.ladder.step(image, order, self.run_down)
+            self.coast_down.look(image, True)
+            self.done = self.stop_sequence.step(image, order, self.coast_down)
             self.sent.append((order.controlword(image.state), order.nmt_stop))
             if self.done:
                 break
@@ -146,11 +146,11 @@ def test_the_power_of_an_axis_with_a_load_is_not_cut_while_that_would_let_it_fal
     cut = 0x00 in [word & 0x0F for word in stop.words]
     assert stop.done
     assert cut is (holds is HoldsLoad.NO or (holds is HoldsLoad.BRAKE and not moving))
-    assert stop.ladder.spared is not cut
+    assert stop.stop_sequence.power_left_on is not cut
     if not cut:
         assert len(stop.sent) == 16 + 2
-        assert stop.ladder.confirmed is not moving
-        assert stop.ladder.descended
+        assert stop.stop_sequence.confirmed is not moving
+        assert stop.stop_sequence.escalated
 
 
 def test_each_step_has_its_own_time():
@@ -158,18 +158,18 @@ def test_each_step_has_its_own_time():
     words = [word & 0x0F for word, _ in stop.sent]
     # the cycle in which a time has passed still has the old word
     assert [words.count(word) for word in (0x0F, 0x02)] == [34, 17]
-    assert stop.ladder.path == [
+    assert stop.stop_sequence.path == [
         StopLevel.HALT,
         StopLevel.QUICK_STOP,
         StopLevel.DISABLE_VOLTAGE,
         StopLevel.NMT_STOP,
     ]
-    assert stop.ladder.late == ["halt_time", "quick_stop_time", "disable_time"]
+    assert stop.stop_sequence.late == ["halt_time", "quick_stop_time", "disable_time"]
     nmt = [nmt for _, nmt in stop.sent]
     assert nmt.index(True) == 34 + 17 + 65
     assert nmt.count(True) == 7  # a tenth of a second
-    assert not stop.ladder.confirmed
-    assert "still moving" in stop.ladder.unseen
+    assert not stop.stop_sequence.confirmed
+    assert "still moving" in stop.stop_sequence.missing_condition
 
 
 @pytest.mark.parametrize(
@@ -183,36 +183,40 @@ def test_a_quick_stop_that_the_drive_itself_will_leave_is_over_when_it_has_left(
     if not done:
         stop.run(3, False, statusword=DISABLED)
         assert stop.done or stop.run(10, False, statusword=DISABLED).done
-    assert stop.ladder.confirmed
+    assert stop.stop_sequence.confirmed
 
 
 def test_a_quick_stop_seen_during_a_halt_is_adopted():
     stop = Stop().run(1, True, statusword=QUICK, mode=1)
-    assert stop.ladder.rung is StopLevel.QUICK_STOP
+    assert stop.stop_sequence.level is StopLevel.QUICK_STOP
     assert stop.words == [0x02]
-    assert not stop.ladder.descended
+    assert not stop.stop_sequence.escalated
 
 
 def test_a_drive_without_a_statusword_gets_a_controlword_that_is_safe_in_every_state():
     stop = Stop().run(1, True, statusword=None, mode=1)
-    assert (stop.ladder.rung, stop.ladder.blind, stop.ladder.descended) == (StopLevel.QUICK_STOP, True, True)
+    assert (
+        stop.stop_sequence.level,
+        stop.stop_sequence.statusword_missing,
+        stop.stop_sequence.escalated,
+    ) == (StopLevel.QUICK_STOP, True, True)
     assert stop.words == [0x02]
 
 
 @pytest.mark.parametrize(
-    ("start", "word", "first", "rung", "last"),
+    ("start", "word", "first", "level", "last"),
     [
         (StopLevel.HALT, ENABLED, [0x10F, 0x107], StopLevel.QUICK_STOP, 0x02),
         (StopLevel.QUICK_STOP, QUICK, [0x02, 0x00], StopLevel.DISABLE_VOLTAGE, 0x00),
     ],
 )
 def test_while_disabling_an_unknown_state_gets_a_controlword_that_is_safe_in_every_state(
-    start, word, first, rung, last
+    start, word, first, level, last
 ):
     stop = Stop(AfterStop.DISABLE, start).run(8, False, statusword=word, mode=1)
     assert stop.words[:2] == first
     stop.run(1, False, statusword=None)
-    assert stop.ladder.rung is rung
+    assert stop.stop_sequence.level is level
     stop.run(1, False, statusword=None)
     assert stop.words[-1] == last
 
@@ -222,9 +226,9 @@ def test_disabling_has_its_time_limit_and_then_the_power_is_removed():
     stood = len(stop.sent)
     stop.run(60, False, statusword=SWITCHED_ON)
     assert not stop.done
-    assert stop.ladder.late == []
+    assert stop.stop_sequence.late == []
     stop.run(10, False, statusword=ENABLED)
-    assert stop.ladder.late == ["disable_time"]
+    assert stop.stop_sequence.late == ["disable_time"]
     assert len(stop.sent) - stood >= 64
     assert stop.words[-1] & 0x0F == 0x00
 
@@ -232,16 +236,20 @@ def test_disabling_has_its_time_limit_and_then_the_power_is_removed():
 def test_without_power_standstill_must_be_seen_within_the_time_limit():
     stop = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, True, statusword=READY)
     assert stop.done
-    assert not stop.ladder.confirmed
-    assert stop.ladder.running_down.startswith("its power is off, at ")
+    assert not stop.stop_sequence.confirmed
+    assert stop.stop_sequence.coasting_text.startswith("its power is off, at ")
     assert len(stop.sent) == 64 + 2  # one second
     standing = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, False, statusword=READY)
-    assert (standing.done, standing.ladder.confirmed, standing.ladder.running_down) == (True, True, "")
+    assert (standing.done, standing.stop_sequence.confirmed, standing.stop_sequence.coasting_text) == (
+        True,
+        True,
+        "",
+    )
     assert len(standing.sent) < 10
     fell = (
         Stop(AfterStop.DISABLE).before(3, True, statusword=ENABLED, mode=1).run(10, False, statusword=READY)
     )
-    assert fell.ladder.confirmed
+    assert fell.stop_sequence.confirmed
     assert not fell.done  # it still has to be taken down
     assert fell.run(1, False, statusword=DISABLED).done
 
@@ -250,85 +258,89 @@ def test_a_standstill_confirmed_with_power_does_not_count_if_the_motor_moves_wit
     stop = (
         Stop(AfterStop.DISABLE).before(3, False, statusword=ENABLED, mode=1).run(8, False, statusword=ENABLED)
     )
-    assert stop.ladder.confirmed
+    assert stop.stop_sequence.confirmed
     stop.run(3, True, statusword=READY)
-    assert not stop.ladder.confirmed
+    assert not stop.stop_sequence.confirmed
     assert stop.run(200, True, statusword=DISABLED).done
-    assert not stop.ladder.confirmed
+    assert not stop.stop_sequence.confirmed
 
 
 @pytest.mark.parametrize(
-    ("asked", "then", "rung", "goes"),
+    ("asked", "then", "level", "goes"),
     [
         (StopLevel.QUICK_STOP, AfterStop.HOLD, StopLevel.QUICK_STOP, True),
         (StopLevel.HALT, AfterStop.HOLD, StopLevel.HALT, False),
         (StopLevel.HALT, AfterStop.DISABLE, StopLevel.HALT, False),
     ],
 )
-def test_a_repeated_stop_request_makes_the_stop_harder_and_never_softer(asked, then, rung, goes):
+def test_a_repeated_stop_request_makes_the_stop_harder_and_never_softer(asked, then, level, goes):
     stop = Stop().run(3, True, statusword=ENABLED, mode=1)
-    assert not stop.ladder.takes_power
-    stop.ladder.harden(then, asked)
-    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is AfterStop.DISABLE)
-    assert (len(stop.ladder.path) == 2) is goes
-    stop.ladder.harden(AfterStop.HOLD, StopLevel.HALT)
-    assert (stop.ladder.rung, stop.ladder.takes_power) == (rung, then is AfterStop.DISABLE)
+    assert not stop.stop_sequence.removes_power
+    stop.stop_sequence.harden(then, asked)
+    assert (stop.stop_sequence.level, stop.stop_sequence.removes_power) == (level, then is AfterStop.DISABLE)
+    assert (len(stop.stop_sequence.path) == 2) is goes
+    stop.stop_sequence.harden(AfterStop.HOLD, StopLevel.HALT)
+    assert (stop.stop_sequence.level, stop.stop_sequence.removes_power) == (level, then is AfterStop.DISABLE)
     down = Stop(AfterStop.DISABLE).run(8, False, statusword=ENABLED, mode=1)
-    down.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)  # it is at standstill, and is being disabled
-    assert down.ladder.rung is StopLevel.HALT
+    down.stop_sequence.harden(
+        AfterStop.HOLD, StopLevel.QUICK_STOP
+    )  # it is at standstill, and is being disabled
+    assert down.stop_sequence.level is StopLevel.HALT
 
 
 def edge(stop: Stop, target: int) -> Stop:
     """A set-point far away was given before, by a drive without a visible demand (no 6062h)."""
-    led = stop.drive.image.led
-    led.note(stop.drive.now, 1, None, target, True)
+    reference_tracker = stop.drive.image.reference_tracker
+    reference_tracker.note(stop.drive.now, 1, None, target, True)
     return stop
 
 
 @pytest.mark.parametrize(
-    ("waited", "moving", "held"),
+    ("waited", "moving", "blocked"),
     [(30, False, True), (10, False, False), (30, True, False)],
 )
 def test_only_an_axis_at_standstill_in_the_middle_of_its_move_counts_as_held_and_loses_its_power(
-    waited, moving, held
+    waited, moving, blocked
 ):
     """Three tenths of a second after its set-point a free axis moves; if its pull is not visible, it is not released softly."""
     stop = Stop().before(10, False, statusword=ENABLED, mode=1)
     edge(stop, 90_000).before(waited, moving)
     stop.run(12, False, statusword=ENABLED)
-    assert stop.ladder.held is held
-    assert (stop.ladder.rung is StopLevel.QUICK_STOP) is held
-    assert ("it is not known whether" in stop.ladder.unseen) is held
+    assert stop.stop_sequence.blocked is blocked
+    assert (stop.stop_sequence.level is StopLevel.QUICK_STOP) is blocked
+    assert ("it is not known whether" in stop.stop_sequence.missing_condition) is blocked
     taken = edge(Stop(AfterStop.DISABLE).before(10, False, statusword=ENABLED, mode=1), 90_000).before(
         waited, moving
     )
     taken.run(12, False, statusword=ENABLED)
-    assert not taken.ladder.held
-    assert taken.ladder.rung is StopLevel.HALT
+    assert not taken.stop_sequence.blocked
+    assert taken.stop_sequence.level is StopLevel.HALT
     again = edge(Stop().before(10, False, statusword=ENABLED, mode=1), 90_000).before(waited, moving)
-    again.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)
+    again.stop_sequence.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)
     again.run(2, False, statusword=ENABLED)
-    assert not again.ladder.held
+    assert not again.stop_sequence.blocked
 
 
-@pytest.mark.parametrize(("asked_before", "shown", "held"), [(20, 1, False), (20, 3, False), (400, 1, True)])
-def test_an_axis_that_stopped_for_another_mode_is_not_held_by_anything(asked_before, shown, held):
+@pytest.mark.parametrize(
+    ("asked_before", "shown", "blocked"), [(20, 1, False), (20, 3, False), (400, 1, True)]
+)
+def test_an_axis_that_stopped_for_another_mode_is_not_held_by_anything(asked_before, shown, blocked):
     """The drive may show the requested mode late. A mode that it has not shown for long is not the reason."""
     stop = edge(Stop().before(10, False, statusword=ENABLED, mode=1), 90_000).before(30, False)
     stop.drive.order.mode = ModeOfOperation.PROFILE_VELOCITY
     stop.before(asked_before, False, statusword=ENABLED, mode=1)
     stop.run(12, False, statusword=ENABLED, mode=shown)
-    assert stop.ladder.held is held
+    assert stop.stop_sequence.blocked is blocked
 
 
 def test_a_pull_that_is_seen_keeps_a_halted_axis_from_counting_as_stopped():
     stop = Stop().run(400, False, statusword=ENABLED, mode=1, demand=5000)
-    assert stop.ladder.path[:2] == [StopLevel.HALT, StopLevel.QUICK_STOP]
-    assert stop.ladder.held
-    assert "leaps" in stop.ladder.unseen or "pulls" in stop.ladder.unseen
+    assert stop.stop_sequence.path[:2] == [StopLevel.HALT, StopLevel.QUICK_STOP]
+    assert stop.stop_sequence.blocked
+    assert "leaps" in stop.stop_sequence.missing_condition or "pulls" in stop.stop_sequence.missing_condition
     near = Stop().run(400, False, statusword=ENABLED, mode=1, demand=4000)
-    assert near.ladder.path == [StopLevel.HALT]
-    assert not near.ladder.held
+    assert near.stop_sequence.path == [StopLevel.HALT]
+    assert not near.stop_sequence.blocked
 
 
 @pytest.mark.parametrize(
@@ -374,7 +386,7 @@ def test_a_running_observation_by_sdo_is_cancelled_at_the_end():
 
 
 def test_names_of_steps():
-    assert [rung.text for rung in StopLevel] == ["halt", "quick stop", "disable voltage", "NMT stop"]
+    assert [level.text for level in StopLevel] == ["halt", "quick stop", "disable voltage", "NMT stop"]
 
 
 # Along a path.
@@ -437,7 +449,9 @@ def stop_out_of_a_path(change: Change) -> tuple[Stop, list[str]]:
         mode=8, at_rest=False, begin_braking=brakes, step=lambda *_: asked.append("step")
     )
     stop = Stop()
-    stop.ladder = StopSequence(stop.drive.parameters, AfterStop.HOLD, follow=follow, leaving=change)
+    stop.stop_sequence = StopSequence(
+        stop.drive.parameters, AfterStop.HOLD, follow=follow, pending_mode_switch=change
+    )
     return stop, asked
 
 
@@ -446,9 +460,9 @@ def test_a_mode_change_is_completed_before_the_drive_s_own_halt():
     stop.run(2, True, statusword=ENABLED, mode=8)
     assert asked == ["brake", "brake"]  # it continues along the path
     assert not stop.drive.order.halt
-    assert stop.ladder.leaving is not None
+    assert stop.stop_sequence.pending_mode_switch is not None
     stop.run(1, True, mode=3)
-    assert (stop.ladder.leaving, stop.ladder.follow) == (None, None)
+    assert (stop.stop_sequence.pending_mode_switch, stop.stop_sequence.follow) == (None, None)
     assert stop.drive.order.halt
     stop.run(2, True)
     assert asked == ["brake"] * 3
@@ -459,7 +473,7 @@ def test_if_the_drive_does_not_take_its_new_mode_it_is_braked_along_the_path():
     stop, asked = stop_out_of_a_path(change)
     stop.run(3, True, statusword=ENABLED, mode=8)
     assert change.cancelled == 1
-    assert stop.ladder.leaving is None
+    assert stop.stop_sequence.pending_mode_switch is None
     assert asked == ["brake", "brake", "brake", "step", "brake", "step"]
     assert not stop.drive.order.halt
 
@@ -469,10 +483,10 @@ def test_a_harder_stop_withdraws_the_mode_change():
     stop, _ = stop_out_of_a_path(change)
     stop.run(1, True, statusword=ENABLED, mode=8)
     assert change.cancelled == 0
-    stop.ladder.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)
+    stop.stop_sequence.harden(AfterStop.HOLD, StopLevel.QUICK_STOP)
     stop.run(2, True)
     assert change.cancelled == 1
-    assert stop.ladder.leaving is None
+    assert stop.stop_sequence.pending_mode_switch is None
 
 
 def test_a_path_that_has_ended_is_at_standstill():
@@ -518,28 +532,28 @@ def test_a_path_without_a_position_is_refused():
 
 
 def test_the_stop_at_the_end_has_the_time_of_all_steps():
-    assert TIMES.ladder == 0.5 + 0.25 + 2.0
+    assert TIMES.stop_sequence == 0.5 + 0.25 + 2.0
 
 
 def test_a_report_of_an_earlier_request_is_not_repeated():
     """The same error may come from an axis whose stop was asked for again."""
     way_out, error, other = ShutdownStop(), StaleError("x: once"), StaleError("y: another")
-    way_out._told = [error]
-    way_out._axes = [SimpleNamespace(verdict=verdict) for verdict in (error, None, other)]
+    way_out._earlier_errors = [error]
+    way_out._axes = [SimpleNamespace(final_error=final_error) for final_error in (error, None, other)]
     assert way_out.failures() == [error, other]
 
 
-def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
+def pending_mode_switch(**changes) -> tuple[SimpleNamespace, AxisShutdown]:
     """An axis whose own stop is over, and its observations after it."""
     image = SimpleNamespace(
         state=PowerState.SWITCH_ON_DISABLED, position=0, velocity=None, standstill=False, position_stamp=99.0
     )
     core = SimpleNamespace(
-        touched=True, stopped_for_sure=False, image=image, parameters=Drive(stop_times=TIMES).parameters
+        touched=True, stop_confirmed=False, image=image, parameters=Drive(stop_times=TIMES).parameters
     )
     for name, value in changes.items():
         setattr(image if hasattr(image, name) else core, name, value)
-    axis = AxisLeaving.__new__(AxisLeaving)
+    axis = AxisShutdown.__new__(AxisShutdown)
     axis.over, axis.error, axis._core = False, None, core
     axis._since, axis._until = 100.0, 102.75
     axis._ticket = SimpleNamespace(busy=False, error=None)
@@ -553,20 +567,20 @@ def leaving(**changes) -> tuple[SimpleNamespace, AxisLeaving]:
         ({}, False),
         ({"standstill": True}, False),  # a position of before says nothing
         ({"standstill": True, "position_stamp": 100.0}, True),
-        ({"standstill": True, "stopped_for_sure": True}, True),
-        ({"stopped_for_sure": True}, False),
+        ({"standstill": True, "stop_confirmed": True}, True),
+        ({"stop_confirmed": True}, False),
         ({"standstill": True, "position_stamp": 100.0, "state": PowerState.OPERATION_ENABLED}, False),
-        ({"standstill": True, "state": PowerState.OPERATION_ENABLED, "stopped_for_sure": True}, True),
+        ({"standstill": True, "state": PowerState.OPERATION_ENABLED, "stop_confirmed": True}, True),
         ({"standstill": True, "position_stamp": 100.0, "state": PowerState.UNKNOWN}, False),
         ({"position": None}, False),  # it has 6064h, and no value was received
-        ({"position": None, "stopped_for_sure": True}, True),
+        ({"position": None, "stop_confirmed": True}, True),
         ({"position": None, "parameters": Drive(objects=frozenset({0x6041})).parameters}, True),
         ({"position": None, "velocity": 5}, False),
         ({"position": None, "velocity": 0}, True),
     ],
 )
 def test_an_axis_has_left_its_path_when_standstill_is_seen(changes, over):
-    _, axis = leaving(**changes)
+    _, axis = pending_mode_switch(**changes)
     axis.step(102.75)
     assert axis.over is over
     assert axis.error is None
@@ -576,19 +590,19 @@ def test_an_axis_has_left_its_path_when_standstill_is_seen(changes, over):
     if not over:
         assert axis.error.message == "x: the stop of the axis could not be confirmed"
         assert "TREAT THE AXIS AS MOVING" in axis.error.remedy
-        assert axis.told is axis.error
-    assert axis.verdict is axis.error
+        assert axis.error_so_far is axis.error
+    assert axis.final_error is axis.error
 
 
 def test_a_running_stop_is_not_over():
-    _, axis = leaving(touched=False)
+    _, axis = pending_mode_switch(touched=False)
     axis._ticket.busy = True
     axis.step(1000.0)
     assert not axis.over
-    assert axis.verdict is None
-    _, moving = leaving()
-    assert "could not be confirmed" in moving.verdict.message
-    assert moving.told is None
+    assert axis.final_error is None
+    _, moving = pending_mode_switch()
+    assert "could not be confirmed" in moving.final_error.message
+    assert moving.error_so_far is None
 
 
 # Calls to several axes, and values that are not known.
@@ -624,14 +638,14 @@ def test_why_a_value_is_not_known_is_reported():
 
 def test_the_observation_missing_at_a_time_limit_is_stored_for_the_report():
     stop = Stop().run(34, True, statusword=ENABLED, mode=1).run(20, False, statusword=QUICK)
-    assert stop.ladder.rung is StopLevel.QUICK_STOP
-    assert "still moving" in stop.ladder.unseen
-    assert not stop.ladder.held
-    held = Stop().run(34, False, statusword=ENABLED, mode=1, demand=5000)
-    assert held.ladder.held
-    held.run(18, False, statusword=ENABLED, demand=0)
-    assert held.ladder.path == [StopLevel.HALT, StopLevel.QUICK_STOP, StopLevel.DISABLE_VOLTAGE]
-    assert held.ladder.held  # something did hold it, whatever was seen later
+    assert stop.stop_sequence.level is StopLevel.QUICK_STOP
+    assert "still moving" in stop.stop_sequence.missing_condition
+    assert not stop.stop_sequence.blocked
+    blocked = Stop().run(34, False, statusword=ENABLED, mode=1, demand=5000)
+    assert blocked.stop_sequence.blocked
+    blocked.run(18, False, statusword=ENABLED, demand=0)
+    assert blocked.stop_sequence.path == [StopLevel.HALT, StopLevel.QUICK_STOP, StopLevel.DISABLE_VOLTAGE]
+    assert blocked.stop_sequence.blocked  # something did hold it, whatever was seen later
 
 
 def test_an_axis_on_a_path_has_not_stopped_before_its_path_has():
@@ -642,11 +656,11 @@ def test_an_axis_on_a_path_has_not_stopped_before_its_path_has():
         for request in drive.order.sdo:
             drive.answers(request.id)
         follow.step(*drive.cycle(statusword=0x1237, mode=8, position=0))
-    ladder = StopSequence(drive.parameters, AfterStop.HOLD, follow=follow)
-    run_down, cycles = CoastDown(drive.parameters), 0
-    while not ladder.step(*drive.cycle(statusword=0x1237, position=0), run_down):
+    stop_sequence = StopSequence(drive.parameters, AfterStop.HOLD, follow=follow)
+    coast_down, cycles = CoastDown(drive.parameters), 0
+    while not stop_sequence.step(*drive.cycle(statusword=0x1237, position=0), coast_down):
         cycles += 1
         assert cycles < 200
     assert follow.at_rest
-    assert ladder.confirmed
+    assert stop_sequence.confirmed
     assert cycles >= 38  # 0.4 s of the path's time

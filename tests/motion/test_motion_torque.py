@@ -99,7 +99,7 @@ def test_a_load_that_yields_is_stopped_at_the_velocity_limit():
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP, 5.0)
     assert isinstance(r.axis.error, LimitError)
     assert "faster than max_velocity" in r.axis.error.message
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert watch.speed <= 20_000 * 1.5
     assert abs(r.drive.axis.motor.velocity) < 1.0
 
@@ -131,7 +131,7 @@ def pushed_out(by: str, side: float):
     ).enabled()
     TORQUES[by](r, side * 5.0)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP, 5.0)
-    r.until(lambda: r.core.ladder is None and r.core.image.standstill)
+    r.until(lambda: r.core.stop_sequence is None and r.core.image.standstill)
     out = side * r.axis.position
     assert out > 50.1
     r.axis.reset().wait(3)

@@ -240,7 +240,7 @@ def test_a_turning_axis_brakes_in_time_before_its_position_limits(direction):
     watch = Watch(r)
     r.axis.move_velocity(direction * 200.0).wait(2)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     farthest = max(abs(side) for side in watch.travel) / 1000
     assert 70.0 < farthest <= 90.0
     assert isinstance(r.axis.error, LimitError)
@@ -273,7 +273,7 @@ def test_a_lag_that_no_demand_shows_is_braked_for_in_time():
     watch = Watch(r)
     r.axis.move_velocity(100.0)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert isinstance(r.axis.error, LimitError)
     assert 80.0 < watch.travel[1] / 1000 <= 90.2
 
@@ -284,7 +284,7 @@ def test_a_gentle_ramp_is_counted_as_gentle_as_it_is():
     watch = Watch(r)
     r.axis.move_velocity(200.0, acceleration=100.0).wait(5)
     r.until(lambda: r.axis.state is AxisState.ERRORSTOP)
-    r.until(lambda: r.core.ladder is None)
+    r.until(lambda: r.core.stop_sequence is None)
     assert 580.0 < watch.travel[1] / 1000 <= 600.0
 
 
@@ -360,7 +360,7 @@ def test_a_jog_lasts_200_ms_and_then_halts():
     watch = Watch(r)
     handle = r.axis.jog(50.0, acceleration=2000.0)
     start = r.now
-    r.until(lambda: r.core.ladder is not None)
+    r.until(lambda: r.core.stop_sequence is not None)
     assert r.now - start == pytest.approx(0.2, abs=3 * PERIOD)
     r.until(lambda: r.axis.state is AxisState.STANDSTILL)
     assert handle.done

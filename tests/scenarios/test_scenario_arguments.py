@@ -261,7 +261,7 @@ def test_a_path_longer_than_half_the_drive_s_count_ends_the_handle(scenario, gol
     assert cell.speed() == 0
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_trajectory_that_raises_while_it_runs_stops_only_its_axis_and_its_group(scenario, golden):
     cell = scenario.simulated("xy").enabled()
     cell["y"].move_velocity(90.0).wait(3)

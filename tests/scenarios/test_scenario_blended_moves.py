@@ -619,7 +619,7 @@ def test_any_sequence_of_moves_keeps_the_limits_and_ends_at_the_last_target(scen
         cell.run(chance.choice([0.0, 0.0, 0.02, 0.1, 0.3, 1.0]))
     cell.x.set_override(1.0)
     target = chance.uniform(-100.0, 100.0)
-    if chance.random() < 0.5 and cell.core("x").ladder is None:
+    if chance.random() < 0.5 and cell.core("x").stop_sequence is None:
         blended = cell.x.move_relative(10.0, buffer="blending_low")
         last = cell.x.move_absolute(target, buffer="blending_high")
         handles.append(blended)

@@ -40,7 +40,7 @@ def test_a_move_may_interrupt_a_halt(scenario):
     assert abs(cell.where() - 10.0) < 0.02
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_stop_locks_until_it_is_released(scenario, golden):
     cell = scenario.simulated("x")
     cell.travelling()
@@ -63,7 +63,7 @@ def test_a_release_before_standstill_is_refused(scenario, golden):
     golden("release_too_early", cell.failure_of(cell.x.release()))
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_disable_cannot_be_undone_by_a_move(scenario, golden):
     cell = scenario.simulated("x")
     cell.travelling()
@@ -72,7 +72,7 @@ def test_a_disable_cannot_be_undone_by_a_move(scenario, golden):
     cell.must_be_still(within=1.0, stages=OFF)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 @pytest.mark.parametrize("off", ["disable", "quick_stop"])
 def test_an_additive_move_of_an_axis_that_was_turned_by_hand_starts_from_its_actual_position(scenario, off):
     cell = scenario.simulated("x").enabled()
@@ -169,7 +169,7 @@ def test_a_drive_that_hangs_on_a_transition_is_reported_by_its_path(scenario, go
     assert cell.stage() in OFF
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_drive_that_loses_its_power_stops_the_others_and_is_not_enabled_again(scenario, golden):
     cell = scenario.simulated("xy")
     handles = cell.travelling()
@@ -189,7 +189,7 @@ def test_a_blocked_axis_without_a_following_error_window_ends_by_its_deadline(sc
     assert cell.x.state is AxisState.ERRORSTOP
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_jog_that_is_not_renewed_halts(scenario):
     cell = scenario.simulated("x").enabled()
     for _ in range(10):

@@ -325,7 +325,7 @@ def test_a_virtual_master_is_followed_within_an_increment_and_a_cycle_in_any_mod
     assert cell.end_of(x.gear_in(v, ratio)) is None
     begun = len(trail.positions)
     targets = []
-    cell.each_cycle(lambda *_: targets.append(cell.core("x").image.led.target / SCALE))
+    cell.each_cycle(lambda *_: targets.append(cell.core("x").image.reference_tracker.target / SCALE))
     for move in (
         lambda: v.move_absolute(30.0),
         lambda: v.move_velocity(-40.0),
@@ -580,7 +580,7 @@ def targets_of(cell: Cell, name: str) -> list[float]:
     """The targets of the axis from now on, one per cycle, in its unit."""
     led: list[float] = []
     core = cell.core(name)
-    cell.each_cycle(lambda *_: led.append((core.image.led.target or 0) / SCALE))
+    cell.each_cycle(lambda *_: led.append((core.image.reference_tracker.target or 0) / SCALE))
     return led
 
 
@@ -698,6 +698,6 @@ def test_a_slave_axis_in_step_takes_the_short_cycle_and_moves_as_in_the_whole_cy
         cell.run(2.0)
         assert "would take it out" in str(cell["y"].error)
         ways.append(cell.positions("y"))
-        monkeypatch.setattr("axisbus.motion.axis.core.cruise_of", lambda _: None)
+        monkeypatch.setattr("axisbus.motion.axis.core.fast_path_of", lambda _: None)
     assert len(short_cycles) > 150
     assert ways[0] == ways[1]

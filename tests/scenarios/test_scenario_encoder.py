@@ -94,7 +94,7 @@ def test_a_sync_position_of_an_encoder_axis_is_met(scenario):
     at = belt.place + 150.0
     cell.x.gear_in(cell["belt"], 1.0, sync_positions=(at, 20.0), master_start_distance=60.0).wait(10)
     cell.run(0.5)
-    path = cell.core("x").leading_path
+    path = cell.core("x").active_path
     assert path is not None
     # The target takes effect with the next SYNC, with which the counter is sampled as it is now.
     assert path.last_step.position - 20.0 == pytest.approx(belt.place - at, abs=2 / COUNTS)

@@ -31,7 +31,7 @@ def let_go(cell, name: str = "x") -> None:
         raise PlantMoves(cell.told(name))
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_leaving_the_with_block_stops_disables_and_ends_the_node_watches(scenario):
     cell = scenario.simulated("xy")
     with cell.machine:
@@ -41,7 +41,7 @@ def test_leaving_the_with_block_stops_disables_and_ends_the_node_watches(scenari
         let_go(cell, name)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_an_exception_in_the_with_block_stops_everything_and_is_raised(scenario):
     cell = scenario.simulated("xy")
     with pytest.raises(ZeroDivisionError) as caught, cell.machine:
@@ -53,7 +53,7 @@ def test_an_exception_in_the_with_block_stops_everything_and_is_raised(scenario)
     assert not getattr(caught.value, "__notes__", [])
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_an_exception_has_notes_about_errors_during_the_stop(scenario, golden):
     cell = scenario.simulated("x", stop='halt_time = "300ms"')
     with pytest.raises(ZeroDivisionError) as caught, cell.machine:
@@ -64,7 +64,7 @@ def test_an_exception_has_notes_about_errors_during_the_stop(scenario, golden):
     golden("exception_with_notes", caught.value)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_close_does_the_same_and_may_be_repeated(scenario):
     cell = scenario.simulated("x")
     cell.turning()
@@ -75,7 +75,7 @@ def test_close_does_the_same_and_may_be_repeated(scenario):
 
 
 @pytest.mark.parametrize("error", [ZeroDivisionError, KeyboardInterrupt])
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(scenario, error):
     cell = scenario.simulated("x")
     scan, once = cell.machine._core.scan, cell.machine._core.scan.once
@@ -93,7 +93,7 @@ def test_ctrl_c_while_an_exception_leaves_the_block_is_not_lost(scenario, error)
     assert isinstance(caught.value, error) or isinstance(caught.value.__context__, error)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_signal_within_the_handler_of_another_makes_it_a_quick_stop_too(scenario):
     """Two that come together: the second is handled in the midst of the first."""
     cell = scenario.simulated("x")
@@ -178,7 +178,7 @@ def test_a_drive_in_fault_is_no_hindrance_to_closing(scenario):
     assert cell.stage() in OFF
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_fault_while_closing_is_reported(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()

@@ -24,7 +24,7 @@ from kit.scenarios.simulated_bus import Line, turning, until
 from kit.sending_device import Talker
 
 STOPPED = (QUICK_STOP, *OFF)
-BESIDE = pytest.mark.nets("the stop beside", "the stop ladder", "the drive's watchdog")
+BESIDE = pytest.mark.nets("the stop beside", "the stop sequence", "the drive's watchdog")
 PERIOD = 0.02
 TIMES = (
     'quick_stop_time = "500ms"\ndisable_time = "500ms"'  # that of a node that is lost is waited for in vain

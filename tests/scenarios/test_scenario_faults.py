@@ -30,7 +30,7 @@ def faulty_device(stage):
     return make
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_fault_in_mid_move_stops_the_group_and_is_reported_in_the_makers_words(scenario, golden):
     cell = scenario.simulated("xy", eds=MODULE)
     faulty, other = cell.travelling()
@@ -127,7 +127,7 @@ def test_a_reset_that_does_not_work_names_the_fault_that_stays(scenario, golden)
     assert moving.busy
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_fault_in_the_moment_of_enabling_stops_the_others(scenario, golden):
     cell = scenario.simulated("xy")
     cell["y"].enable().wait(3)

@@ -174,7 +174,7 @@ def test_a_drive_that_cannot_be_taken_over_without_a_jump_is_left_at_its_positio
     assert abs(cell.where() - place) < 0.02
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_disable_stops_a_found_turning_drive(scenario):
     cell = turning(scenario)
     handle = cell.x.disable()
@@ -183,7 +183,7 @@ def test_disable_stops_a_found_turning_drive(scenario):
     assert cell.stage() == SWITCH_ON_DISABLED
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_halt_stops_a_found_turning_drive(scenario):
     cell = turning(scenario)
     handle = cell.x.halt()

@@ -129,7 +129,7 @@ def test_a_quick_stop_in_the_handshake_leaves_nothing_behind(scenario, delay):
         assert seen[-1] == target
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_set_point_that_is_never_acknowledged_stops_the_axis(scenario, golden):
     cell = scenario.simulated("x")
     cell.travelling()
@@ -142,7 +142,7 @@ def test_a_set_point_that_is_never_acknowledged_stops_the_axis(scenario, golden)
     golden("set_point_never_taken", refused)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_an_acknowledge_that_never_falls_stops_the_axis(scenario, golden):
     cell = scenario.simulated("x").enabled()
     cell.drive().dials.acknowledge_stays = True

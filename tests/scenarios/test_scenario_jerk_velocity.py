@@ -276,7 +276,7 @@ def test_a_jerk_limited_velocity_is_braked_before_the_position_limits_by_the_axi
 ):
     cell = soft(scenario, WITHOUT_JERK, axis="position_limits = [-150.0, 150.0]")
     cell.x.move_velocity(velocity, deceleration=deceleration)
-    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP and cell.core().ladder is None)
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP and cell.core().stop_sequence is None)
     assert isinstance(cell.x.error, LimitError)
     assert "about to leave its position limits" in str(cell.x.error)
     assert 140.0 < abs(cell.where("x")) <= 150.0 + 0.1
@@ -361,7 +361,7 @@ def test_an_axis_that_jams_is_detected_and_stopped(scenario):
     cell.jam()
     cell.until(lambda: cell.x.state is AxisState.ERRORSTOP, 5.0)
     cell.free()
-    cell.until(lambda: cell.core().ladder is None, 5.0)
+    cell.until(lambda: cell.core().stop_sequence is None, 5.0)
     cell.x.reset().wait(5)
     cell.x.enable().wait(5)
     assert cell.end_of(cell.x.move_velocity(50.0)) is None
@@ -374,9 +374,9 @@ def test_a_velocity_that_is_not_reached_in_time_ends_with_an_error_and_the_axis_
     assert isinstance(error, MotionTimeout)
     assert "has not reached 100 deg/s" in str(error)
     assert cell.x.state is AxisState.ERRORSTOP
-    cell.until(lambda: cell.core().ladder is None, 5.0)
+    cell.until(lambda: cell.core().stop_sequence is None, 5.0)
     assert led.worst(2) <= HARD * 1.001
-    assert cell.core().ladder is None
+    assert cell.core().stop_sequence is None
 
 
 def test_a_buffered_move_begins_when_the_velocity_is_reached_and_a_blended_one_is_buffered(

@@ -48,7 +48,7 @@ def devices(lag: float) -> dict[int, Device]:
 
 def must_end_within(cell: Cell, name: str, low: float, high: float) -> None:
     """Let time pass until the axis is in ErrorStop and at standstill; it has never been beyond its limits."""
-    cell.until(lambda: cell[name].state is AxisState.ERRORSTOP and cell.core(name).ladder is None, 10)
+    cell.until(lambda: cell[name].state is AxisState.ERRORSTOP and cell.core(name).stop_sequence is None, 10)
     cell.run(0.5)
     assert cell.speed(name) == pytest.approx(0.0, abs=0.01)
     lowest, highest = cell.farthest(name)

@@ -10,7 +10,7 @@ from axisbus.motion.states import AxisState
 from kit.plant_probe import ENABLED, OFF
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_when_a_node_dies_in_mid_move_the_others_stop(scenario, golden):
     cell = scenario.simulated("xy")
     lost, other = cell.travelling()
@@ -36,7 +36,7 @@ def test_a_dead_nodes_own_watchdog_stops_it(scenario, golden):
     )  # its standstill cannot be confirmed, and the message reports so
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_node_whose_heartbeat_alone_stops_is_stopped(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
@@ -47,7 +47,7 @@ def test_a_node_whose_heartbeat_alone_stops_is_stopped(scenario, golden):
     golden("heartbeat_stops", cell["x"].error)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_when_a_node_restarts_in_mid_move_the_others_stop(scenario, golden):
     cell = scenario.simulated("xy")
     lost, _ = cell.travelling()
@@ -97,7 +97,7 @@ def test_a_reset_of_an_axis_whose_node_fell_silent_in_pre_operational_reports_th
     assert "node 1 is lost, so there is no node to reset" in str(cell.failure_of(cell.x.reset()))
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_node_sent_to_pre_operational_by_another_master_is_stopped_by_sdo(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
@@ -108,7 +108,7 @@ def test_a_node_sent_to_pre_operational_by_another_master_is_stopped_by_sdo(scen
     assert "TREAT" not in str(cell["x"].error)  # its statusword, read by SDO, has confirmed it
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_if_another_master_stops_a_node_the_others_stop(scenario, golden):
     cell = scenario.simulated("xy")
     cell.turning()
@@ -149,7 +149,7 @@ def test_a_node_that_returned_in_fault_and_was_reset_is_reported_when_it_is_lost
     assert "NMT state is pre-operational" in str(cell.x.error)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_lost_io_or_resting_axis_stops_the_moving_ones_too(scenario):
     cell = scenario.simulated("xy")
     cell.enabled()

@@ -101,7 +101,7 @@ def test_a_refused_mode_does_not_stay_commanded(scenario):
     assert cell.drive().mode_display == PP
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_mode_refused_in_mid_move_stops_the_axis(scenario, golden):
     cell = scenario.simulated("x")
     cell.travelling()
@@ -159,7 +159,7 @@ def test_a_trajectory_that_does_not_begin_at_the_present_position_is_refused(sce
     assert abs(cell.where()) < 0.02
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_trajectory_that_becomes_too_fast_is_braked_along_its_path(scenario, golden):
     cell = scenario.simulated("x").enabled()
 
@@ -203,7 +203,7 @@ def test_a_trajectory_that_is_known_to_leave_the_limits_is_refused_at_the_call(s
 # -- in mid-motion -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_csp_without_feedback_is_stopped(scenario, golden):
     cell, (handle, other) = following(scenario, "xy", port=APART)
     cell.device("x").dials.tpdos_stop = POSITION
@@ -213,7 +213,7 @@ def test_csp_without_feedback_is_stopped(scenario, golden):
     cell.failure_of(other)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_turning_axis_that_sync_no_longer_reaches_is_stopped_by_sdo(scenario, golden):
     cell = scenario.simulated("x")
     cell.turning()
@@ -231,7 +231,7 @@ def test_a_following_axis_that_sync_no_longer_reaches_stops_at_its_last_target(s
 
 
 @pytest.mark.parametrize("hears_halt", [True, False], ids=["obeys halt", "ignores halt"])
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_halt_brakes_along_the_trajectory(scenario, hears_halt):
     cell, (handle,) = following(scenario)
     cell.drive().dials.halt_in_cyclic_modes = hears_halt
@@ -244,7 +244,7 @@ def test_a_halt_brakes_along_the_trajectory(scenario, hears_halt):
     assert handle.aborted
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_halt_whose_feedback_stops_while_it_brakes_ends_in_the_halt_of_the_drive(scenario):
     cell, _ = following(scenario, port=APART)
     start = cell.where()

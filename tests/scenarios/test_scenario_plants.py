@@ -93,7 +93,7 @@ def by_ctrl_c(cell: Cell) -> Ending:
 
 def of_policy(cell: Cell) -> Ending:
     """A stop of the policy has no handle: its end is the state that follows, or the error that stays."""
-    cell.until(lambda: cell.core().ladder is None and cell.core().activity is None, LONGEST)
+    cell.until(lambda: cell.core().stop_sequence is None and cell.core().activity is None, LONGEST)
     error = cell.x.error
     if error is None:
         assert cell.x.state in (AxisState.STANDSTILL, AxisState.DISABLED), cell.x.state

@@ -618,7 +618,7 @@ def test_another_request_for_its_input_halts_the_search(scenario):
     assert probe.active
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_node_that_dies_ends_a_search_and_the_others_stop(scenario):
     cell = scenario.simulated("xy").enabled()
     cell["y"].move_velocity(50.0)

@@ -81,7 +81,7 @@ def test_a_block_that_ends_just_after_a_close_in_a_callback_waits_for_standstill
         let_go(line, "x")
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_close_in_a_callback_in_virtual_time(scenario):
     cell = scenario.simulated("xy")
     cell.turning()

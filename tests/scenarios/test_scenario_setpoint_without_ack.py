@@ -234,7 +234,7 @@ def test_a_replacement_that_is_not_taken_is_no_move(scenario, last, travels):
     cell.drive().dials.acknowledge_delay = NEVER
     error = cell.failure_of(cell.x.move_absolute(last))
     assert isinstance(error, SetPointError)
-    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP and not cell.core().ladder, 3.0)
+    cell.until(lambda: cell.x.state is AxisState.ERRORSTOP and not cell.core().stop_sequence, 3.0)
     cell.must_be_still(within=0.1, stages=(ENABLED, *OFF))
     assert abs(cell.where() - last) > 10.0
 

@@ -17,7 +17,7 @@ if sys.platform == "win32":
     pytest.skip("signals between processes are those of POSIX", allow_module_level=True)
 from signal import SIGHUP, SIGQUIT
 
-LADDER = pytest.mark.nets("the stop ladder")
+STOP_SEQUENCE = pytest.mark.nets("the stop sequence")
 SLOW, QUICK = (
     67.5,
     45.0,
@@ -44,7 +44,7 @@ def once(played, nets, number, places=PLACES):
 
 
 @pytest.mark.parametrize("place", PLACES)
-@LADDER
+@STOP_SEQUENCE
 def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_in_the_program_it_arrives(played, nets_cut, place):
     seen = once(played, nets_cut, SIGINT).scenes[PLACES.index(place)]
     seen.must_be_still()
@@ -52,7 +52,7 @@ def test_ctrl_c_stops_the_motor_on_the_usual_ramp_wherever_in_the_program_it_arr
     assert seen.notes == []
 
 
-@LADDER
+@STOP_SEQUENCE
 def test_ctrl_c_brakes_without_a_jolt(played, nets_cut):
     seen = once(played, nets_cut, SIGINT).scenes[0]
     seen.must_be_still()
@@ -153,7 +153,7 @@ TWICE = [("sleeping", (SIGINT, SIGINT)), ("leaving", (SIGINT, SIGINT)), ("sleepi
 
 
 @pytest.mark.parametrize("scene", range(len(TWICE)), ids=["in sleep", "while leaving", "then SIGTERM"])
-@LADDER
+@STOP_SEQUENCE
 def test_a_second_signal_makes_it_a_quick_stop(played, nets_cut, scene):
     seen = played(TWICE, nets_cut, pause=0.2).scenes[scene]
     seen.must_be_still()
@@ -165,7 +165,7 @@ WHILE_STOPPING = [("leaving", (SIGINT,)), ("leaving", (SIGTERM,)), ("closing", (
 
 
 @pytest.mark.parametrize("scene", range(len(WHILE_STOPPING)), ids=lambda number: str(WHILE_STOPPING[number]))
-@LADDER
+@STOP_SEQUENCE
 def test_a_signal_while_the_machine_closes_is_raised_after_the_stop(played, nets_cut, scene):
     seen = played(WHILE_STOPPING, nets_cut, before=0.3).scenes[scene]
     seen.must_be_still()
@@ -173,7 +173,7 @@ def test_a_signal_while_the_machine_closes_is_raised_after_the_stop(played, nets
     assert seen.raised == (KEYBOARD if WHILE_STOPPING[scene][1] == (SIGINT,) else TERMINATED)
 
 
-@LADDER
+@STOP_SEQUENCE
 def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
     """The second is handled between the end of the block and the first line of its exit."""
     (seen,) = played([("sleeping", (SIGINT, SIGTERM))], nets_cut).scenes
@@ -186,7 +186,7 @@ def test_two_signals_at_once_cannot_slip_past_the_stop(played, nets_cut):
     os.environ.get("AXISBUS_PROCESS") == "own",
     reason="the drives end with the core: at a program's exit nobody is left who could look at them; see test_scenario_processes",
 )
-@LADDER
+@STOP_SEQUENCE
 def test_a_program_that_ends_without_closing_the_machine_leaves_the_motor_at_standstill(played, nets_cut):
     ended = played([("forgetting", ())], nets_cut)
     ended.scenes[0].must_be_still()

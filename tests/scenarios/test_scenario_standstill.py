@@ -164,7 +164,7 @@ def test_a_reset_after_a_jam_leaves_nothing_that_pulls(scenario):
     cell.run(0.5)
     cell.jam()
     cell.failure_of(handle, limit=15.0)
-    cell.until(lambda: cell.core().ladder is None)
+    cell.until(lambda: cell.core().stop_sequence is None)
     cell.x.reset().wait(5)
     cell.run(1.0)
     moment = cell.free()

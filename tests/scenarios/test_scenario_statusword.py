@@ -73,7 +73,7 @@ def test_moves_arrive_for_every_transport_of_the_statusword(scenario, travels):
 
 
 @pytest.mark.parametrize("travels", TRAVELS)
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_turning_axis_is_stopped_for_every_transport_of_the_statusword(scenario, travels):
     port = TRAVELS[travels]
     if "without" in travels:  # a drive that cannot say where it is can still be turned and stopped
@@ -96,7 +96,7 @@ def test_a_turning_axis_is_stopped_for_every_transport_of_the_statusword(scenari
         ("sdo", TRAVELS["by SDO"]),
     ],
 )
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_statusword_that_becomes_stale_during_a_move_causes_a_quick_stop(scenario, golden, name, port):
     cell = scenario.simulated("x", port=port)
     (handle,) = cell.travelling()
@@ -128,7 +128,7 @@ def test_enabling_without_a_statusword_reports_so(scenario, golden):
     assert cell.stage() in OFF
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_frozen_statusword_does_not_prevent_a_stop(scenario):
     """The drive's firmware hangs partly: it keeps sending its last statusword."""
     cell = scenario.simulated("x")

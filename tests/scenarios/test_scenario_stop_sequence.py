@@ -29,7 +29,7 @@ def deaf(cell, *commands: str) -> None:
 # -- step by step --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_drive_that_ignores_halt_gets_a_quick_stop(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
@@ -39,7 +39,7 @@ def test_a_drive_that_ignores_halt_gets_a_quick_stop(scenario, golden):
     assert 0.5 < took < 0.75
     error = cell.failure_of(halt)
     assert isinstance(error, DriveError)
-    golden("ladder_quick_stop", error)
+    golden("stop_sequence_quick_stop", error)
 
 
 def test_a_path_that_brakes_too_slowly_for_halt_time_ends_in_a_quick_stop_with_that_reason(scenario):
@@ -67,7 +67,7 @@ def test_a_quick_stop_with_an_unknown_ramp_out_of_a_path_is_confirmed_by_its_sta
     assert cell.where("x") == pytest.approx(106.5, abs=2.0)  # 25 deg behind the last target
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_drive_that_ignores_quick_stop_too_loses_its_power(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
@@ -76,10 +76,10 @@ def test_a_drive_that_ignores_quick_stop_too_loses_its_power(scenario, golden):
     cell.run(0.95)
     cell.must_be(OFF)
     cell.must_be_still(within=5.0, stages=SWITCH_ON_DISABLED)  # nothing brakes it: it coasts
-    golden("ladder_disable_voltage", cell.failure_of(halt))
+    golden("stop_sequence_disable_voltage", cell.failure_of(halt))
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_drive_that_ignores_everything_is_left_to_its_reaction_to_nmt_stop(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
@@ -88,7 +88,7 @@ def test_a_drive_that_ignores_everything_is_left_to_its_reaction_to_nmt_stop(sce
     took = cell.must_be_still(within=2.5, stages=(QUICK_STOP, *OFF))  # 6007h: quick stop
     assert 1.5 < took < 2.0
     assert cell.device().nmt is NmtState.STOPPED
-    golden("ladder_nmt_stop", cell.failure_of(halt))
+    golden("stop_sequence_nmt_stop", cell.failure_of(halt))
 
 
 def test_a_drive_that_nothing_stops_is_reported_as_moving(scenario, golden):
@@ -100,10 +100,10 @@ def test_a_drive_that_nothing_stops_is_reported_as_moving(scenario, golden):
     error = cell.failure_of(halt)
     cell.must_move()
     assert "TREAT THE AXIS AS MOVING" in error.remedy
-    golden("ladder_in_vain", error)
+    golden("stop_sequence_in_vain", error)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_drive_that_does_not_switch_off_is_reported_as_energised(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
@@ -111,10 +111,10 @@ def test_a_drive_that_does_not_switch_off_is_reported_as_energised(scenario, gol
     deaf(cell, "disable_voltage")
     disable = cell.x.disable()
     cell.must_be_still(within=2.0, stages=(ENABLED, *OFF))
-    golden("ladder_stays_energised", cell.failure_of(disable))
+    golden("stop_sequence_stays_energised", cell.failure_of(disable))
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_the_end_of_the_program_runs_the_same_stop_sequence(scenario, golden):
     cell = scenario.simulated("x", stop=TIMES)
     cell.travelling()
@@ -125,7 +125,7 @@ def test_the_end_of_the_program_runs_the_same_stop_sequence(scenario, golden):
     except DriveError as error:
         failure = error
     cell.must_be_still(within=0.01, stages=SWITCH_ON_DISABLED)
-    golden("ladder_on_exit", failure)
+    golden("stop_sequence_on_exit", failure)
 
 
 # -- after a quick stop --------------------------------------------------------------------------------------------------
@@ -144,7 +144,7 @@ WORDS = (
 
 
 @pytest.mark.parametrize("option", range(9))
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_quick_stop_ends_disabled_or_held_according_to_605ah(scenario, option):
     cell = scenario.simulated("x", stop=f'quick_stop = "{WORDS[option]}"')
     assert cell.device().read(0x605A) == option
@@ -235,7 +235,7 @@ WAYS = {
 
 
 @pytest.mark.parametrize("way", WAYS)
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_load_on_a_brake_is_stopped_and_held_by_every_stop(scenario, way):
     cell = vertical(scenario, BRAKE)
     fall = rising(cell)
@@ -246,7 +246,7 @@ def test_a_load_on_a_brake_is_stopped_and_held_by_every_stop(scenario, way):
 
 
 @pytest.mark.parametrize("way", ["halt", "stop", "quick_stop"])
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_load_on_the_motor_alone_is_stopped_and_held(scenario, way):
     cell = vertical(scenario, TORQUE)
     fall = rising(cell)
@@ -256,7 +256,7 @@ def test_a_load_on_the_motor_alone_is_stopped_and_held(scenario, way):
     fall.must_be_below(0.2)
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_load_on_the_motor_alone_stays_held_when_the_program_ends(scenario):
     cell = vertical(scenario, TORQUE)
     fall = rising(cell)
@@ -276,7 +276,7 @@ def test_a_hanging_axis_is_never_switched_off_before_standstill(scenario, golden
     cell.run(2.0)
     assert cell.stage() == ENABLED
     fall.must_be_below(0.2)
-    golden("ladder_ends_for_a_load", error)
+    golden("stop_sequence_ends_for_a_load", error)
 
 
 def test_a_load_held_at_standstill_is_not_dropped_by_a_quick_stop_that_is_ignored(scenario):
@@ -300,7 +300,7 @@ def test_coasting_is_refused_while_a_load_moves(scenario, golden):
 
 
 @pytest.mark.parametrize("way", ["halt", "stop"])
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_torque_control_under_a_load_is_stopped_by_a_mode_that_holds(scenario, way):
     cell = vertical(scenario, TORQUE)
     fall = Fall(cell)
@@ -314,7 +314,7 @@ def test_torque_control_under_a_load_is_stopped_by_a_mode_that_holds(scenario, w
     assert cell.drive().mode_display in (1, 3, 8)  # pp, pv, csp: not a torque mode
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_load_in_torque_mode_is_held_after_a_quick_stop(scenario):
     cell = vertical(scenario, TORQUE)
     fall = Fall(cell)
@@ -332,6 +332,6 @@ def test_a_load_in_torque_mode_is_not_dropped_by_a_drive_that_ignores_the_stop(s
     cell.x.torque_control(1.1 * LOAD / 1000 * 10.0)
     cell.until(lambda: cell.speed() > 20.0)
     deaf(cell, "quick_stop")
-    golden("ladder_load_in_torque_mode", cell.failure_of(cell.x.quick_stop()))
+    golden("stop_sequence_load_in_torque_mode", cell.failure_of(cell.x.quick_stop()))
     assert cell.stage() == ENABLED
     fall.must_be_below(0.6)

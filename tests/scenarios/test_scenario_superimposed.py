@@ -32,8 +32,8 @@ class Targets:
         core = cell.core(name)
 
         def look(_now: float, _known: object) -> None:
-            if core.image.led.target is not None:
-                self.places.append(core.image.led.target / SCALE)
+            if core.image.reference_tracker.target is not None:
+                self.places.append(core.image.reference_tracker.target / SCALE)
 
         cell.each_cycle(look)
 

@@ -116,7 +116,7 @@ def test_short_suspensions_make_a_trajectory_late_and_nothing_jumps(tmp_path):
     assert cell.largest_step < 1.2 * STEP
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_after_a_long_suspension_the_axis_is_stopped_and_the_reason_named(tmp_path, nets_cut, golden):
     with master(tmp_path, nets_cut, "turning") as cell:
         cell.suspend(1.5)

@@ -31,7 +31,7 @@ def test_both_axes_move_each_by_its_own_objects(scenario):
     assert cell.stage("y") == ENABLED
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_a_fault_of_one_axis_stops_the_other(scenario, golden):
     cell = cell_of(scenario)
     lost, other = cell.travelling()
@@ -43,7 +43,7 @@ def test_a_fault_of_one_axis_stops_the_other(scenario, golden):
     golden("two_axes_fault", cell.failure_of(lost), cell.failure_of(other))
 
 
-@pytest.mark.nets("the stop ladder")
+@pytest.mark.nets("the stop sequence")
 def test_closing_stops_both_axes_before_the_watch_of_their_node_ends(scenario):
     """The first of them is at standstill at once; the second still brakes, and both share the NMT state of the node."""
     cell = cell_of(scenario)
@@ -57,7 +57,7 @@ def test_closing_stops_both_axes_before_the_watch_of_their_node_ends(scenario):
     assert cell.device("x").errors.register == 0
 
 
-@pytest.mark.nets("the stop ladder", "the drive's watchdog")
+@pytest.mark.nets("the stop sequence", "the drive's watchdog")
 def test_a_lost_node_is_lost_for_both_axes(scenario, golden):
     cell = cell_of(scenario)
     handles = cell.travelling()

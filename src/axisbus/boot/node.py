@@ -37,7 +37,7 @@ from axisbus.boot.failure import (
 from axisbus.boot.objects import NodeObjects, Progress, read_int
 from axisbus.boot.report import AxisReport, Booted, NodeReport
 from axisbus.boot.requests import Answerer, Locals
-from axisbus.boot.stop_report import Watchdog, stop_ladder
+from axisbus.boot.stop_report import Watchdog, stop_sequence_report
 from axisbus.cell import scale_proposal, sync_window
 from axisbus.cell.axis_description import Drive, by_make, of_make
 from axisbus.cell.cyclic_modes import carried, feed_forward, led_modes
@@ -351,8 +351,8 @@ class NodeBoot:
                 f"{axis.name}: no feed-forward is sent: its PDOs do not contain it, and were left unchanged"
             )
         codes = {option.index: self._option(axis, option) for option in options.ALL}
-        ladder = stop_ladder(axis.name, codes, parameters.stop_times, parameters.holds_load)
-        self._report.warnings += ladder.warnings
+        stop_sequence = stop_sequence_report(axis.name, codes, parameters.stop_times, parameters.holds_load)
+        self._report.warnings += stop_sequence.warnings
         scale = scale_proposal.compare(parameters.units.position, values)
         self._require_units(axis, values, scale)
         if scale.agrees is False:
@@ -372,7 +372,7 @@ class NodeBoot:
                 _travels(how),
                 self._comms.event_timers(axis),
                 how.outputs.get("controlword") is ValueTransport.SYNC_PDO,
-                ladder,
+                stop_sequence,
                 scale,
                 rated,
                 promises(parameters),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from axisbus.boot import program_text
 from axisbus.boot.program_text import LETTERS
-from axisbus.boot.stop_report import StopLadderReport, WatchdogReport
+from axisbus.boot.stop_report import StopSequenceReport, WatchdogReport
 from axisbus.bus.pdo.eventtimer import EventTimer
 from axisbus.cell.scale_proposal import ScaleReport
 from axisbus.cia301 import abort
@@ -33,7 +33,7 @@ class AxisReport:
     travels: str
     event_timers: tuple[EventTimer, ...]
     in_one_sync: bool
-    ladder: StopLadderReport
+    stop_sequence: StopSequenceReport
     scale: ScaleReport
     rated_torque: ScaleReport | None = None
     promises: tuple[Promise, ...] = ()
@@ -146,8 +146,8 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         *([f"    {'by its make':<14}{axis.by_make}"] if axis.by_make else []),
         "    stop sequence",
     ]
-    width = max(len(row[1]) for row in axis.ladder.rows)
-    lines += [f"      {title:<15}{what:<{width}}  {text}" for title, what, text in axis.ladder.rows]
+    width = max(len(row[1]) for row in axis.stop_sequence.rows)
+    lines += [f"      {title:<15}{what:<{width}}  {text}" for title, what, text in axis.stop_sequence.rows]
     return lines
 
 
@@ -164,8 +164,8 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
             for timer in axis.event_timers
         ],
         "in_one_sync": axis.in_one_sync,
-        "stop_ladder": [
-            {"rung": rung, "object": what, "does": text} for rung, what, text in axis.ladder.rows
+        "stop_sequence": [
+            {"step": step, "object": what, "does": text} for step, what, text in axis.stop_sequence.rows
         ],
         "demand": axis.demand,
         "by_make": axis.by_make,

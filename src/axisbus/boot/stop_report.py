@@ -33,7 +33,7 @@ NO_WATCHDOG = WatchdogReport(
 
 
 @dataclass(frozen=True, slots=True)
-class StopLadderReport:
+class StopSequenceReport:
     """The stop sequence of one axis: rows of (step, object, effect), and warnings of dangerous settings."""
 
     axis: str
@@ -65,9 +65,9 @@ _COASTS = {
 }
 
 
-def stop_ladder(
+def stop_sequence_report(
     axis: str, values: Mapping[int, int | None], times: StopTimes, holds_load: HoldsLoad
-) -> StopLadderReport:
+) -> StopSequenceReport:
     """Describe the option codes read from a drive; ``values`` maps their index to the value, None: no such object."""
     rows, warnings = [], []
     limits = {"1 halt": times.halt, "2 quick stop": times.quick_stop, "3 power off": times.disable}
@@ -93,7 +93,7 @@ def stop_ladder(
         rows.append(
             ("holds a load", "", f"by its {holds_load.value}: never switched off before it is at standstill")
         )
-    return StopLadderReport(axis, tuple(rows), tuple(warnings))
+    return StopSequenceReport(axis, tuple(rows), tuple(warnings))
 
 
 def _object(option: options.OptionCode, value: int | None) -> str:

@@ -167,7 +167,7 @@ class _Deceleration(NamedTuple):
     name: str
 
 
-def ladder_times(case: CheckContext) -> Problems:
+def stop_sequence_times(case: CheckContext) -> Problems:
     """Warn if braking from full speed takes longer than the deadline of the step of the stop sequence."""
     drives = case.drive_of
     for axis in case.cell.axes.values():
@@ -214,7 +214,7 @@ CHECKS: tuple[Check, ...] = (
     weak_quick_stop,
     unused_ramp,
     load_held,
-    ladder_times,
+    stop_sequence_times,
 )
 
 

@@ -370,7 +370,7 @@ class Core:
     def _stop_axes(self, reason: str) -> None:
         """Stop all axes and wait for standstill. An exception during the wait, as from a signal handler, is raised afterwards."""
         scan = self.scan
-        times = [core.parameters.stop_times.ladder for core in scan.axes.values()]
+        times = [core.parameters.stop_times.stop_sequence for core in scan.axes.values()]
         until = scan.cycle.now() + max(times, default=0.0) + _CLOSE_MARGIN
         scan.request_stop(reason)
         interruption: BaseException | None = None
@@ -703,8 +703,10 @@ class Core:
             for axis in self.cell.axes_of(node_id)
             if axis.name in self.scan.axes
         }
-        limit = max((core.parameters.stop_times.ladder for core in axes.values()), default=0.0)
-        self._waiter.wait(lambda: all(core.ladder is None for core in axes.values()), limit + _CLOSE_MARGIN)
+        limit = max((core.parameters.stop_times.stop_sequence for core in axes.values()), default=0.0)
+        self._waiter.wait(
+            lambda: all(core.stop_sequence is None for core in axes.values()), limit + _CLOSE_MARGIN
+        )
         return list(axes)
 
     def _in_scan(self, work: Callable[[], None]) -> None:

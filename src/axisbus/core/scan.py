@@ -485,7 +485,7 @@ class Scan:
         while self._intrusions:
             error, names = self._intrusions.popleft()
             for name in self.axes.keys() & names:
-                self.axes[name].intruded(copy(error))
+                self.axes[name].stop_for_second_master(copy(error))
         while self._stop_requests:
             self._leaving.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
             self._stops_begun += 1

@@ -10,7 +10,7 @@ from axisbus.cia301.datatypes import DataType, check_range
 from axisbus.errors import ArgumentError, LimitError
 from axisbus.motion.blending.mode import BufferMode
 from axisbus.motion.commands import CyclicVelocity, MoveSuperimposed
-from axisbus.motion.jerk.drive_profile_type import has_shape
+from axisbus.motion.jerk.drive_profile_type import has_jerk_objects
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.numbers import flag, items, number, short_repr
 from axisbus.motion.override import MAX_OVERRIDE
@@ -295,7 +295,7 @@ class AxisCall:
             return profile
         soft = self.positive("jerk", jerk, f"{self._unit}/s³")
         raw = None
-        if has_shape(self._parameters):
+        if has_jerk_objects(self._parameters):
             raw = self._raw(self._parameters.units.acceleration, soft, "60A4h")
         return profile._replace(softness=soft, jerk=raw)
 

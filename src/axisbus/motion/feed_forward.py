@@ -54,38 +54,52 @@ def _is_as_found(core: AxisCore) -> bool:
     """Return whether to leave the offsets as found: an enabled drive may depend on them until an enable takes it over."""
     if not core.touched:
         return True
-    enables = isinstance(core.activity, EnableActivity) and core.ladder is None and not core.powered
+    enables = isinstance(core.activity, EnableActivity) and core.stop_sequence is None and not core.powered
     return enables and core.image.state in _MAY_BE_ENERGISED
 
 
 def _is_commanded(core: AxisCore) -> bool:
     """Return whether this master has enabled the drive, it adds its offsets to targets in this mode, and it is to stay enabled."""
-    image, order, ladder = core.image, core.order, core.ladder
+    image, order, stop_sequence = core.image, core.order, core.stop_sequence
     return (
         core.powered
         and image.state is _ENABLED
         and image.mode in (_CSP, _CSV)
         and order.goal is _ENABLED
         and order.word is None
-        and (ladder is None or ladder.rung is StopLevel.HALT)
+        and (stop_sequence is None or stop_sequence.level is StopLevel.HALT)
     )
 
 
 def _holds(core: AxisCore) -> bool:
-    ladder = core.ladder
-    leaves = ladder is not None and (ladder.takes_power or core.stopping.kind is StopKind.SHUTDOWN)
+    stop_sequence = core.stop_sequence
+    leaves = stop_sequence is not None and (
+        stop_sequence.removes_power or core.stopping.kind is StopKind.SHUTDOWN
+    )
     return core.state in _CONSTANT_TORQUE_STATES and not leaves
 
 
 def _velocity(core: AxisCore) -> float | None:
     """Return the velocity of the set-point of this cycle, in unit/s; None if there is none."""
-    order, ladder, activity = core.order, core.ladder, core.activity
-    leading = ladder.follow if ladder is not None else None if activity is None else activity.leading
-    if isinstance(leading, Follow):
-        is_commanded = core.image.mode == _CSP and order.target_position is not None and leading.is_under_way
-        return leading.last_step.velocity if is_commanded else None
-    if isinstance(leading, VelocityRamp) and core.image.mode == _CSV and order.target_velocity is not None:
-        return core.parameters.units.velocity.to_units(leading.velocity)
+    order, stop_sequence, activity = core.order, core.stop_sequence, core.activity
+    set_point_source = (
+        stop_sequence.follow
+        if stop_sequence is not None
+        else None
+        if activity is None
+        else activity.set_point_source
+    )
+    if isinstance(set_point_source, Follow):
+        is_commanded = (
+            core.image.mode == _CSP and order.target_position is not None and set_point_source.is_under_way
+        )
+        return set_point_source.last_step.velocity if is_commanded else None
+    if (
+        isinstance(set_point_source, VelocityRamp)
+        and core.image.mode == _CSV
+        and order.target_velocity is not None
+    ):
+        return core.parameters.units.velocity.to_units(set_point_source.velocity)
     return None
 
 

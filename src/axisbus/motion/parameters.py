@@ -149,7 +149,7 @@ class StopTimes:
     disable: float = 3.0  # three transitions, including the brake's time
 
     @property
-    def ladder(self) -> float:
+    def stop_sequence(self) -> float:
         """Longest duration of all steps in seconds, including power off at the end."""
         return self.halt + self.quick_stop + 2 * self.disable
 

@@ -74,7 +74,7 @@ def test_a_module_is_up_with_its_axis_and_nothing_was_commanded(tmp_path):
         (axis,) = report.axes
         assert axis.modes == ("pp", "pv", "hm", "csp")  # without rated_torque no torques
         assert "power stage   idle" in report.text()
-        assert report.as_json()["axes"][0]["stop_ladder"][1]["object"] == "velocity 0"
+        assert report.as_json()["axes"][0]["stop_sequence"][1]["object"] == "velocity 0"
         assert not one.module.energised
 
 

@@ -56,8 +56,8 @@ class Ledger:
 
     def _look(self, _now: float, _snapshots: object) -> None:
         for name, seen in self._seen.items():
-            path = self.cell.core(name).leading_path
-            path = path if path is None else path.leads_now
+            path = self.cell.core(name).active_path
+            path = path if path is None else path.commanding_path
             if path is None or path._step is None:
                 seen.place, seen.velocity, seen.acceleration = None, 0.0, 0.0
                 continue

@@ -377,7 +377,7 @@ class Player:
     def _replan(self) -> Handle:
         """A move that takes over from any motion; an axis at standstill is not moved by its drive."""
         axis = self.cell[self.random.choice("xyz")]
-        if self.cell.core(axis.name).leading_path is None:
+        if self.cell.core(axis.name).active_path is None:
             return self._trajectory()
         return axis.move_absolute(self.random.uniform(-REACH, REACH))
 

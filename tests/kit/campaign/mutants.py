@@ -35,7 +35,7 @@ from axisbus.motion.stop.limits import LimitMonitor
 from axisbus.motion.stop.policy import FaultPolicy
 from axisbus.motion.stop.standstill import StandstillCheck
 from axisbus.motion.stop.stop_sequence import StopLevel, StopSequence
-from axisbus.motion.stop.velocity_following import RampedWay
+from axisbus.motion.stop.velocity_following import VelocityRampTracker
 
 
 class Mutant(NamedTuple):
@@ -57,8 +57,8 @@ def _twice_as_strong(
     original: Callable[..., tuple[StopLevel, float | None]],
 ) -> Callable[..., tuple[StopLevel, float | None]]:
     def stop(*args: Any) -> tuple[StopLevel, float | None]:
-        rung, ramp = original(*args)
-        return rung, None if ramp is None else 2.0 * ramp
+        level, ramp = original(*args)
+        return level, None if ramp is None else 2.0 * ramp
 
     return stop
 
@@ -66,9 +66,9 @@ def _twice_as_strong(
 def _by_default(
     original: Callable[..., tuple[StopLevel, float | None]],
 ) -> Callable[..., tuple[StopLevel, float | None]]:
-    def stop(parameters: Any, course: Any) -> tuple[StopLevel, float | None]:
-        rung, ramp = original(parameters, course)
-        return rung, None if ramp is None else parameters.slow_ramp
+    def stop(parameters: Any, commanded: Any) -> tuple[StopLevel, float | None]:
+        level, ramp = original(parameters, commanded)
+        return level, None if ramp is None else parameters.slow_ramp
 
     return stop
 
@@ -76,7 +76,7 @@ def _by_default(
 def _done_at_once(original: Callable[..., bool]) -> Callable[..., bool]:
     def step(self: StopSequence, *args: Any) -> bool:
         ended = original(self, *args)
-        if self.rung is StopLevel.HALT and not self.takes_power:
+        if self.level is StopLevel.HALT and not self.removes_power:
             self.confirmed = ended = True
         return ended
 
@@ -84,8 +84,8 @@ def _done_at_once(original: Callable[..., bool]) -> Callable[..., bool]:
 
 
 def _unanswered(original: Callable[..., bool]) -> Callable[..., bool]:
-    def unpowered(self: StopSequence, image: Any, order: Any, run_down: Any) -> bool:
-        original(self, image, order, run_down)
+    def unpowered(self: StopSequence, image: Any, order: Any, coast_down: Any) -> bool:
+        original(self, image, order, coast_down)
         self.confirmed = True
         return True
 
@@ -149,7 +149,7 @@ def _astray(original: Callable[..., None]) -> Callable[..., None]:
 
 
 def _aimed_at_once(_: Any) -> Callable[..., None]:
-    def send(self: RampedWay, _: Any) -> None:
+    def send(self: VelocityRampTracker, _: Any) -> None:
         self._taken = self._target
         self._due.clear()
 
@@ -271,7 +271,7 @@ MUTANTS: Mapping[str, Mutant] = {
         "targets beyond the end of INTEGER32 are given", ((accept_motion, "count_range", _endless_count),)
     ),
     "demand-at-once": Mutant(
-        "6062h is trusted before it was seen ahead of the axis", ((DemandTrust, "believes", _believed),)
+        "6062h is trusted before it was seen ahead of the axis", ((DemandTrust, "trusts", _believed),)
     ),
     "state-outlives-power": Mutant(
         "state survives the loss of power and a restart of the count", ((AxisCore, "forget", _nothing),)
@@ -290,7 +290,7 @@ MUTANTS: Mapping[str, Mutant] = {
     ),
     "aimed-at-once": Mutant(
         "a drive counts as going to a new velocity from the cycle on in which it was sent, and the difference stays",
-        ((RampedWay, "_send", _aimed_at_once), (RampedWay, "_settle", _nothing)),
+        ((VelocityRampTracker, "_send", _aimed_at_once), (VelocityRampTracker, "_settle", _nothing)),
     ),
 }
 

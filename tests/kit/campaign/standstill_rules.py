@@ -186,7 +186,7 @@ class Rest:
 
     def _rests(self, name: str) -> bool:
         core = self._facts.core[name]
-        return core.ladder is None and core.activity is None
+        return core.stop_sequence is None and core.activity is None
 
     def _not_long(self, rule: str, name: str, limit: float, wrong: bool) -> None:
         facts, core = self._facts, self._facts.core[name]

@@ -92,7 +92,7 @@ class Play:
     def _some_command(self) -> c.Command:
         core, pick = self.cores[0], self.random.choice
         here = 0.0 if core.image.position is None else (core.image.position - core.image.origin) / SCALE
-        if self.random.random() < 0.8 and (not core.powered or core.ladder is not None):
+        if self.random.random() < 0.8 and (not core.powered or core.stop_sequence is not None):
             return pick(
                 (c.ResetCommand(), c.EnableCommand(), c.EnableCommand(), c.Release(), c.ResetCommand())
             )

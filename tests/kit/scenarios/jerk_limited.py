@@ -38,7 +38,7 @@ class ComputedMotion(Demand):
         core = cell.core(name)
 
         def look(*_: object) -> None:
-            path = None if core.leading_path is None else core.leading_path.leads_now
+            path = None if core.active_path is None else core.active_path.commanding_path
             if path is not None and path.is_under_way:
                 self.rows[-1].append(path.last_step.position)
             elif self.rows[-1]:

@@ -11,12 +11,12 @@ from axisbus.boot.stop_report import NO_WATCHDOG
 from axisbus.bus.cycle import CanCycle
 from axisbus.core.node_stop import NodeStop
 from axisbus.core.scan_thread import Supervisor
-from axisbus.motion.stop.shutdown_stop import AxisLeaving
+from axisbus.motion.stop.shutdown_stop import AxisShutdown
 from axisbus.motion.stop.stop_sequence import StopSequence
 
 
-def _reports_standstill(ladder: StopSequence, *_: object) -> bool:
-    ladder.confirmed = True
+def _reports_standstill(stop_sequence: StopSequence, *_: object) -> bool:
+    stop_sequence.confirmed = True
     return True
 
 
@@ -31,9 +31,9 @@ _RESCUE = (
 )
 # Net: its replacement (owner, attribute, replacement).
 NETS: dict[str, tuple[tuple[type, str, object], ...]] = {
-    "the stop ladder": (
+    "the stop sequence": (
         (StopSequence, "step", _reports_standstill),
-        (AxisLeaving, "_seen_at_rest", True),
+        (AxisShutdown, "_seen_at_rest", True),
     ),
     "the quick stop of a dead scan": (
         (CanCycle, "quick_stop_all", _nothing),

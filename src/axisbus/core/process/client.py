@@ -166,7 +166,7 @@ class RemoteCore:
         """As ``CoreInterface.leave``; afterwards the process has ended."""
         began = time.monotonic()
         self._calls.send(m.Leave(reason))
-        times = [facts.parameters.stop_times.ladder for facts in self.session.axes.values()]
+        times = [facts.parameters.stop_times.stop_sequence for facts in self.session.axes.values()]
         interruption = self._wait(
             lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
         )

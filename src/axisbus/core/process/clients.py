@@ -237,7 +237,7 @@ class Clients:
     @property
     def stop_within(self) -> float:
         """The maximum duration of a stop of all axes, in seconds."""
-        times = [facts.parameters.stop_times.ladder for facts in self.core.session.axes.values()]
+        times = [facts.parameters.stop_times.stop_sequence for facts in self.core.session.axes.values()]
         return max(times, default=0.0) + _MARGIN
 
     def begin_stop(self, axes: Sequence[str], quick: bool, who: str) -> _Stop:

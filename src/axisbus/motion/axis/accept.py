@@ -78,7 +78,7 @@ def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
     accept_motion.require_no_stop(core, ticket)
     if _is_enabled(core):
         return
-    if core.ladder is not None:
+    if core.stop_sequence is not None:
         raise StateError(f"{ticket.name}: the axis is being stopped", remedy="wait until it is at standstill")
     if _runs(core, EnableActivity):
         return
@@ -97,7 +97,7 @@ def _require_enable(core: AxisCore, ticket: CommandStatus) -> None:
 
 def _is_enabled(core: AxisCore) -> bool:
     """Whether this master has enabled the axis. A quick stop that may already be on its way to the drive removes the power."""
-    keeps_power = core.ladder is None or core.ladder.rung is StopLevel.HALT
+    keeps_power = core.stop_sequence is None or core.stop_sequence.level is StopLevel.HALT
     return core.powered and keeps_power and core.image.state is PowerState.OPERATION_ENABLED
 
 
@@ -142,7 +142,7 @@ def _disable(core: AxisCore, command: c.Disable, ticket: CommandStatus, _: Start
     if (
         core.state is AxisState.ERRORSTOP
         and core.image.state is PowerState.FAULT
-        and not core.run_down.under_way
+        and not core.coast_down.under_way
     ):
         core.finish(ticket)  # a drive in fault is off already, and its motor is at standstill
         return
@@ -160,14 +160,14 @@ def _coast(core: AxisCore, ticket: CommandStatus) -> None:
     if _runs(core, Coast):
         core.join(ticket)
         return
-    path, switch = core.led_along, accept_motion.leaving_switch(core)
+    path, switch = core.active_source, accept_motion.pending_switch_of(core)
     core.coast(Coast(core.parameters, path, switch), ticket)
 
 
 def _reset(core: AxisCore, command: c.ResetCommand, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Reset at once, or after the end of the running stop."""
     image = core.image
-    stopping = core.ladder is not None
+    stopping = core.stop_sequence is not None
     if core.node_boots and core.error is not None:
         raise copy(core.error)
     if core.state is AxisState.ERRORSTOP and not image.operational:
@@ -209,7 +209,7 @@ def _halt(core: AxisCore, _: c.Halt, ticket: CommandStatus, __: StartBarrier) ->
         if isinstance(core.activity, JerkLimitedVelocity):
             core.activity.brake_softly()
         _stop_if_powered(core, ticket, StopKind.HALT, StopLevel.HALT)
-    elif core.ladder is not None:
+    elif core.stop_sequence is not None:
         core.stopping.join(ticket)
     elif core.image.standstill:  # locked
         core.finish(ticket)
@@ -226,24 +226,24 @@ def _quick_stop(core: AxisCore, _: c.QuickStop, ticket: CommandStatus, __: Start
     _stop_if_powered(core, ticket, StopKind.QUICK_STOP, StopLevel.QUICK_STOP)
 
 
-def _stop_if_powered(core: AxisCore, ticket: CommandStatus, kind: StopKind, rung: StopLevel) -> None:
+def _stop_if_powered(core: AxisCore, ticket: CommandStatus, kind: StopKind, level: StopLevel) -> None:
     """Stop the axis. If its motor is not powered, and no word sent may still switch it on, succeed without a stop.
 
     A drive in an unknown state may be moving, so it is stopped. An axis that has lost its power in motion is monitored until it is
     at standstill. An axis that is being enabled is monitored until it is seen off after the last word sent to it.
     """
     off = core.image.state not in ENERGISED and core.image.state is not PowerState.UNKNOWN
-    if off and not core.run_down.under_way and not core.may_be_switched_on:
+    if off and not core.coast_down.under_way and not core.may_be_switched_on:
         core.finish(ticket)
         return
-    core.stop_because(kind, AfterStop.HOLD, rung, f"{ticket.name} was asked for", ticket)
+    core.stop_because(kind, AfterStop.HOLD, level, f"{ticket.name} was asked for", ticket)
 
 
 def _release(core: AxisCore, _: c.Release, ticket: CommandStatus, __: StartBarrier) -> None:
     if core.state is not AxisState.STOPPING:
         core.finish(ticket)
         return
-    if core.ladder is not None:
+    if core.stop_sequence is not None:
         raise StateError(
             f"{ticket.name}: the axis is not at standstill yet", remedy="wait for the stop first"
         )
@@ -262,34 +262,34 @@ def _shutdown(core: AxisCore, command: c.Shutdown, ticket: CommandStatus, _: Sta
         core.finish(ticket)  # never commanded by this master: leave it unchanged
         return
     holds = core.parameters.holds_load is HoldsLoad.TORQUE
-    rung = StopLevel.QUICK_STOP if command.quick else StopLevel.HALT
+    level = StopLevel.QUICK_STOP if command.quick else StopLevel.HALT
     core.stop_because(
         StopKind.SHUTDOWN,
         AfterStop.HOLD if holds else AfterStop.DISABLE,
-        rung,
+        level,
         f"stopped: {command.reason}",
         ticket,
     )
 
 
 def _policy_stop(core: AxisCore, command: c.PolicyStop, ticket: CommandStatus, __: StartBarrier) -> None:
-    if command.how is GroupFault.EACH and core.leading_path is not None:
-        core.leading_path.brake_alone()
-    rung = StopLevel.QUICK_STOP if command.how is GroupFault.QUICK else StopLevel.HALT
-    _stop_ours(core, StopKind.POLICY, command.reason, ticket, rung)
+    if command.how is GroupFault.EACH and core.active_path is not None:
+        core.active_path.brake_alone()
+    level = StopLevel.QUICK_STOP if command.how is GroupFault.QUICK else StopLevel.HALT
+    _stop_if_moving(core, StopKind.POLICY, command.reason, ticket, level)
 
 
 def _hand_over(core: AxisCore, command: c.HandOver, ticket: CommandStatus, __: StartBarrier) -> None:
     core.probes.end_all(Stopped, f"was ended: {command.reason}", core.order)
-    _stop_ours(core, StopKind.HALT, command.reason, ticket)
+    _stop_if_moving(core, StopKind.HALT, command.reason, ticket)
 
 
-def _stop_ours(
-    core: AxisCore, kind: StopKind, reason: str, ticket: CommandStatus, rung: StopLevel = StopLevel.HALT
+def _stop_if_moving(
+    core: AxisCore, kind: StopKind, reason: str, ticket: CommandStatus, level: StopLevel = StopLevel.HALT
 ) -> None:
-    ours = core.touched and core.state in MOVING
-    if ours or isinstance(core.activity, EnableActivity):
-        core.stop_because(kind, AfterStop.HOLD, rung, reason, ticket)
+    is_moving = core.touched and core.state in MOVING
+    if is_moving or isinstance(core.activity, EnableActivity):
+        core.stop_because(kind, AfterStop.HOLD, level, reason, ticket)
     else:
         core.finish(ticket)
 
@@ -352,7 +352,7 @@ def _probe_abort(core: AxisCore, command: c.ProbeAbort, ticket: CommandStatus, _
 def _buffered(core: AxisCore, command: c.Buffered, ticket: CommandStatus, gate: StartBarrier) -> None:
     """Queue a motion behind the running command; if no command runs, begin the motion."""
     accept_motion.require_motion(core, ticket)
-    if core.ladder is not None:
+    if core.stop_sequence is not None:
         raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it is at standstill")
     if core.running.ticket is None:
         _ACCEPT[type(command.command)](core, command.command, ticket, gate)
@@ -382,7 +382,7 @@ _ACCEPT: dict[type, Callable[[AxisCore, Any, CommandStatus, StartBarrier], None]
     c.CyclicVelocity: accept_cyclic.velocity,
     c.CyclicTorque: accept_cyclic.torque,
     c.ControllerCommand: accept_cyclic.control,
-    c.ControllerOutput: accept_cyclic.answer,
+    c.ControllerOutput: accept_cyclic.controller_output,
     c.Home: accept_motion.home,
     c.SetPosition: accept_motion.set_position,
     c.FollowTrajectory: accept_motion.follow,

@@ -49,7 +49,7 @@ def blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: 
         _begin(core, command, ticket, gate)
         return None
     if isinstance(core.activity, CspMove):
-        _take_up(core, core.activity, core.running.ticket)
+        _make_joinable(core, core.activity, core.running.ticket)
         if isinstance(core.activity, CspMove):
             return began_from_rest(
                 "the move before it reverses, has an override, or has a superimposed distance"
@@ -58,8 +58,8 @@ def blend(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: 
         return _join(core, core.activity, command, ticket)
     is_soft = command.move.profile.softness is not None
     if isinstance(core.activity, PositionMove) and not core.activity.is_soft and not is_soft:
-        return _hand_on(core, core.activity, command, ticket)
-    raise _no_end(core, ticket)
+        return _blend_in_pp(core, core.activity, command, ticket)
+    raise _cannot_blend(core, ticket)
 
 
 def _begin(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate: StartBarrier) -> None:
@@ -68,7 +68,7 @@ def _begin(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate:
         accept_motion.move(core, command.move, ticket, gate)
         return
     end = core.last_target if core.last_target is not None else core.image.reference
-    target = accept_motion.target_of(core, _turned(core, command, end), ticket)
+    target = accept_motion.target_of(core, _on_modulo_axis(core, command, end), ticket)
     part, profile = _part(core, command, target, ticket), command.move.profile
     if profile.softness is None:
         moves = BlendedMoves(part, core.path_parameters, gate)
@@ -78,36 +78,36 @@ def _begin(core: AxisCore, command: c.BufferedMove, ticket: CommandStatus, gate:
     core.aim(target)
 
 
-def _take_up(core: AxisCore, move: CspMove, ticket: CommandStatus) -> None:
+def _make_joinable(core: AxisCore, move: CspMove, ticket: CommandStatus) -> None:
     """Make a move that began from the speed of its axis joinable by other moves, if it goes straight to its end."""
     if not ticket.number:
         return
     if isinstance(move, JerkLimitedMove):
-        _take_up_softly(core, move, ticket)
+        _make_jerk_limited_joinable(core, move, ticket)
         return
-    going = move.going()
-    if going is None:
+    progress = move.progress()
+    if progress is None:
         return
     leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)
     moves = BlendedMoves(
         BlendedCommand(leg, move.target, ticket, move.profile.timeout), core.path_parameters, OPEN
     )
-    moves.adopt_move(going, move)
+    moves.adopt_move(progress, move)
     core.running.activity = moves
 
 
-def _take_up_softly(core: AxisCore, move: JerkLimitedMove, ticket: CommandStatus) -> None:
+def _make_jerk_limited_joinable(core: AxisCore, move: JerkLimitedMove, ticket: CommandStatus) -> None:
     """Do the same for a move with limited jerk; a move that has not moved the axis yet begins again, as the first of several."""
-    way, ramp = move.going_softly(), move.ramp
-    if way is None and not move.waits:
+    motion, ramp = move.unfiltered_motion(), move.ramp
+    if motion is None and not move.waits:
         return
     leg = _leg(core, move.profile, move.target, BufferMode.BUFFERED)._replace(up=ramp, down=ramp)
     part = BlendedCommand(leg, move.target, ticket, move.profile.timeout)
     moves = JerkLimitedBlendedMoves(part, core.path_parameters, OPEN, move.window)
-    if way is None:
+    if motion is None:
         move.cancel(core.order)
     else:
-        moves.adopt_jerk_limited_move(way, move)
+        moves.adopt_jerk_limited_move(motion, move)
     core.running.activity = moves
 
 
@@ -126,7 +126,7 @@ def _join(core: AxisCore, moves: BlendedMoves, command: c.BufferedMove, ticket: 
     if why:
         return began_from_rest(why)
     shift = core.parameters.units.position.to_increments(moves.shifted)
-    move = _turned(core, command, moves.target)
+    move = _on_modulo_axis(core, command, moves.target)
     target = accept_motion.target_of(core, move, ticket, moves.target, shift)
     ticket.note = ""
     moves.join(_part(core, command, target, ticket))
@@ -135,14 +135,14 @@ def _join(core: AxisCore, moves: BlendedMoves, command: c.BufferedMove, ticket: 
     return None
 
 
-def _hand_on(
+def _blend_in_pp(
     core: AxisCore, move: PositionMove, command: c.BufferedMove, ticket: CommandStatus
 ) -> str | None:
     """Let a move that the drive plans continue to another end, if that end lies in its direction."""
     _require_few(move.commands, ticket)
     before, position = core.running.ticket, core.image.position
     assert before is not None
-    target = accept_motion.target_of(core, _turned(core, command, move.target), ticket, move.target)
+    target = accept_motion.target_of(core, _on_modulo_axis(core, command, move.target), ticket, move.target)
     if not before.number:
         return began_from_rest("the motion before it belongs to a group")
     if position is None:
@@ -153,10 +153,10 @@ def _hand_on(
         return began_from_rest("it came after the end of the previous command")
     if (move.target - position) * (target - move.target) <= 0:
         return began_from_rest("the motion reverses there, or the move has no length")
-    course, profile = move.course or CommandedMotion(), command.move.profile
+    commanded, profile = move.commanded or CommandedMotion(), command.move.profile
     speed, down = (
         max(filter(None, each), default=None)
-        for each in ((course.speed, profile.speed), (course.down, profile.down))
+        for each in ((commanded.speed, profile.speed), (commanded.down, profile.down))
     )
     if accept_motion.halt_passes_limit(core, speed, down, target):
         return began_from_rest("a halt, which brakes less than the moves, could end beyond a position limit")
@@ -167,13 +167,13 @@ def _hand_on(
     return None
 
 
-def _turned(core: AxisCore, command: c.BufferedMove, end: int | None) -> c.Move:
+def _on_modulo_axis(core: AxisCore, command: c.BufferedMove, end: int | None) -> c.Move:
     """Return the move; for an absolute target on a modulo axis it counts from ``end``, the future position (increments)."""
     move, modulo, units = command.move, core.parameters.units.modulo, core.parameters.units.position
     if modulo is None or end is None or move.reference is not c.TargetReference.ABSOLUTE:
         return move
-    here, place = (units.to_units(value) for value in (end - core.image.origin, move.value))
-    return replace(move, value=units.to_increments(modulo_target(here, place, modulo, command.direction)))
+    here, position = (units.to_units(value) for value in (end - core.image.origin, move.value))
+    return replace(move, value=units.to_increments(modulo_target(here, position, modulo, command.direction)))
 
 
 def _require_few(commands: int, ticket: CommandStatus) -> None:
@@ -211,7 +211,7 @@ def _takes_csp(core: AxisCore, ticket: CommandStatus) -> bool:
 
 
 def _require_no_halt(core: AxisCore, ticket: CommandStatus) -> None:
-    if core.ladder is not None:
+    if core.stop_sequence is not None:
         raise StateError(f"{ticket.name}: the axis is being halted", remedy="wait until it is at standstill")
 
 
@@ -226,7 +226,7 @@ def _require_ramps(core: AxisCore, command: c.BufferedMove, ticket: CommandStatu
         )
 
 
-def _no_end(core: AxisCore, ticket: CommandStatus) -> StateError:
+def _cannot_blend(core: AxisCore, ticket: CommandStatus) -> StateError:
     running = core.running.ticket
     seen = "" if running is None else f"{running.name} is under way"
     return StateError(

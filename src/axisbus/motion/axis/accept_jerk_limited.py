@@ -19,10 +19,12 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus
     if profile.softness is None or profile.jerk is not None:
         accept_motion.move_velocity(core, command, ticket, gate)
     else:
-        _turn_softly(core, profile, ticket, gate)
+        _begin_csp_velocity(core, profile, ticket, gate)
 
 
-def _turn_softly(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, gate: StartBarrier) -> None:
+def _begin_csp_velocity(
+    core: AxisCore, profile: MoveProfile, ticket: CommandStatus, gate: StartBarrier
+) -> None:
     """Begin a velocity command whose set-points the master streams, because its drive cannot limit the jerk.
 
     Raises:
@@ -31,12 +33,12 @@ def _turn_softly(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, ga
     """
     accept_motion.require_motion(core, ticket)
     before, parameters = accept_motion.path_of(core), core.parameters
-    accept_motion.require_lead(core, profile, ticket, before)
+    accept_motion.require_csp_jerk_limit(core, profile, ticket, before)
     assert profile.up
     assert profile.down
     hardest = max(profile.up, profile.down) / abs(parameters.units.position.factor)
     window(hardest, profile.softness, parameters.scan_period, ticket.name)
     velocity = JerkLimitedVelocity(profile, parameters, gate, before, bounded=core.bounded)
-    velocity.require_room()
+    velocity.require_stop_within_limits()
     core.begin(velocity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)

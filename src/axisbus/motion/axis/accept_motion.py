@@ -21,13 +21,13 @@ from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.jerk.drive_profile_type import JerkProfileWritten
 from axisbus.motion.jerk.jerk_limited_move import JerkLimitedMove
 from axisbus.motion.jerk.velocity import JerkLimitedVelocity
-from axisbus.motion.moves.activity import Leading, object_text, require_position, shown_modes
+from axisbus.motion.moves.activity import SetPointSource, object_text, require_position, shown_modes
 from axisbus.motion.moves.continuous_motion import Jog, TorqueMove, VelocityMove
 from axisbus.motion.moves.csp_move import CspMove
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.moves.homing import HomingRun
 from axisbus.motion.moves.mode_exit import PathExit, velocity_exit
-from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
+from axisbus.motion.moves.mode_switch import ModeSwitch, SourceStep
 from axisbus.motion.moves.position import PositionMove
 from axisbus.motion.moves.prepare import Prepare, RampTransfers, expected, profile_writes, slow_ramp_writes
 from axisbus.motion.moves.profile import MoveProfile, braking_distance
@@ -37,7 +37,7 @@ from axisbus.motion.setpoint_update import overridden
 from axisbus.motion.states import MOVING, REFUSAL, TAKES_MOTION, AxisState
 from axisbus.motion.stop.diagnosis import not_to_be_reset
 from axisbus.motion.stop.limits import stop_of, unknown_braking
-from axisbus.motion.stop.velocity_following import RampedWay
+from axisbus.motion.stop.velocity_following import VelocityRampTracker
 from axisbus.motion.stop_deceleration import CommandedMotion
 from axisbus.units import INT32_HALF, whole_above, whole_below
 
@@ -64,12 +64,18 @@ def move(core: AxisCore, command: c.Move, ticket: CommandStatus, gate: StartBarr
     require_watch(core.parameters, command.profile, ticket)
     target = target_of(core, command, ticket)
     profile = command.profile
-    leading = path_of(core)
+    set_point_source = path_of(core)
     if profile.softness is not None and profile.jerk is None:
-        _move_softly(core, target, profile, ticket, gate)
+        _move_jerk_limited(core, target, profile, ticket, gate)
         return
-    if leading is not None and profile.jerk is None and profile.speed and profile.up and profile.down:
-        _go_on(core, CspMove(target, profile, core.path_parameters, gate, leading), ticket)
+    if (
+        set_point_source is not None
+        and profile.jerk is None
+        and profile.speed
+        and profile.up
+        and profile.down
+    ):
+        _begin_csp_move(core, CspMove(target, profile, core.path_parameters, gate, set_point_source), ticket)
         core.aim(target)
         return
     require_objects(core.parameters, _M.PROFILE_POSITION, ticket)
@@ -123,22 +129,24 @@ def halt_passes_limit(core: AxisCore, speed: float | None, down: float | None, t
     return beyond > 0 and (end + beyond > high if target > position else end - beyond < low)
 
 
-def _move_softly(
+def _move_jerk_limited(
     core: AxisCore, target: int, profile: MoveProfile, ticket: CommandStatus, gate: StartBarrier
 ) -> None:
     """Begin a jerk-limited move whose set-points the master streams, because its drive cannot limit the jerk."""
     soft = core.activity if isinstance(core.activity, JerkLimitedMove) else None
     before = path_of(core) or (soft if soft is not None and soft.has_begun else None)
-    require_lead(core, profile, ticket, before)
+    require_csp_jerk_limit(core, profile, ticket, before)
     move = JerkLimitedMove(target, profile, core.path_parameters, gate, ticket.name, before)
     if before is not None:
-        _go_on(core, move, ticket)
+        _begin_csp_move(core, move, ticket)
     else:
         core.begin(move, ticket, AxisState.DISCRETE_MOTION)
     core.aim(target)
 
 
-def require_lead(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, before: Follow | None) -> None:
+def require_csp_jerk_limit(
+    core: AxisCore, profile: MoveProfile, ticket: CommandStatus, before: Follow | None
+) -> None:
     """Raise StateError if the master cannot command the axis in csp with limited jerk.
 
     ``before``: the path that already commands the axis. A jerk-limited command that waits for its mode, and has not moved the axis
@@ -166,11 +174,11 @@ def require_lead(core: AxisCore, profile: MoveProfile, ticket: CommandStatus, be
         raise
 
 
-def _go_on(core: AxisCore, going_on: CspMove, ticket: CommandStatus) -> None:
+def _begin_csp_move(core: AxisCore, csp_move: CspMove, ticket: CommandStatus) -> None:
     """Begin a move from the velocity at which a trajectory moves the axis."""
     if core.bounded:
-        going_on.require_room(core.image.origin)
-    core.begin(going_on, ticket, AxisState.DISCRETE_MOTION)
+        csp_move.require_stop_within_limits(core.image.origin)
+    core.begin(csp_move, ticket, AxisState.DISCRETE_MOTION)
 
 
 def require_watch(parameters: AxisParameters, profile: MoveProfile, ticket: CommandStatus) -> None:
@@ -284,12 +292,14 @@ def move_velocity(core: AxisCore, command: c.MoveVelocity, ticket: CommandStatus
     writes = profile_writes(profile, core.parameters, _M.PROFILE_VELOCITY)
     prepare = _prepare(core, _M.PROFILE_VELOCITY, writes, gate, profile.jerk)
     profile = expected(profile, core.parameters)
-    course = CommandedMotion(down=profile.down)
+    commanded = CommandedMotion(down=profile.down)
     require_braking(
-        core, _weaker(profile.down, stop_of(core.parameters, course)[1]), ticket, _soft(core, profile)
+        core, _weaker(profile.down, stop_of(core.parameters, commanded)[1]), ticket, _soft(core, profile)
     )
-    require_stop(core, _M.PROFILE_VELOCITY, course, ticket)
-    velocity_move = VelocityMove(profile, core.parameters, prepare, _course(core), _ramped(core))
+    require_stop(core, _M.PROFILE_VELOCITY, commanded, ticket)
+    velocity_move = VelocityMove(
+        profile, core.parameters, prepare, _commanded_motion(core), _ramp_tracker(core)
+    )
     activity = velocity_move if command.life is None else Jog(velocity_move, command, core.image)
     core.begin(activity, ticket, AxisState.CONTINUOUS_MOTION)
     core.aim(None)
@@ -300,17 +310,17 @@ def _weaker(command: float | None, stop: float | None) -> float | None:
     return command if command is None or stop is None else min(command, stop)
 
 
-def _course(core: AxisCore) -> CommandedMotion | None:
-    return None if core.activity is None else core.activity.course
+def _commanded_motion(core: AxisCore) -> CommandedMotion | None:
+    return None if core.activity is None else core.activity.commanded
 
 
-def _ramped(core: AxisCore) -> RampedWay | None:
-    return None if core.activity is None else core.activity.ramped
+def _ramp_tracker(core: AxisCore) -> VelocityRampTracker | None:
+    return None if core.activity is None else core.activity.ramp_tracker
 
 
 def _soft(core: AxisCore, profile: MoveProfile) -> float:
     """Return the seconds by which a jerk limit prolongs the change from the acceleration of the axis to that of the command."""
-    before = _course(core)
+    before = _commanded_motion(core)
     if before is not None and before.up is not None and profile.up is not None:
         profile = profile._replace(up=max(profile.up, before.up))
     return profile.soft_seconds(abs(core.parameters.units.position.factor))
@@ -323,7 +333,7 @@ def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, s
     the drive's jerk limit may prolong its ramps. A drive that already brakes may begin its ramp again with the command, from no
     deceleration.
     """
-    before = _course(core)
+    before = _commanded_motion(core)
     if down is None or not core.bounded or core.state not in MOVING:
         return
     if not soft and before is not None and before.down is not None and down >= before.down:
@@ -342,13 +352,17 @@ def require_braking(core: AxisCore, down: float | None, ticket: CommandStatus, s
 
 
 def require_stop(
-    core: AxisCore, mode: ModeOfOperation, course: CommandedMotion, ticket: CommandStatus
+    core: AxisCore, mode: ModeOfOperation, commanded: CommandedMotion, ticket: CommandStatus
 ) -> None:
-    """Raise StateError if position limits apply, and the deceleration of a stop of the axis on ``course`` is not known."""
+    """Raise StateError if position limits apply, and the deceleration of a stop in the ``commanded`` motion is not known."""
     parameters = core.parameters
-    if not core.bounded or parameters.limits.position is None or stop_of(parameters, course)[1] is not None:
+    if (
+        not core.bounded
+        or parameters.limits.position is None
+        or stop_of(parameters, commanded)[1] is not None
+    ):
         return
-    why, remedy = unknown_braking(parameters, course)
+    why, remedy = unknown_braking(parameters, commanded)
     raise StateError(
         f"{ticket.name}: {parameters.name} could not be stopped within its position limits in {modes.short(mode)}",
         observed=why,
@@ -387,10 +401,10 @@ def torque(core: AxisCore, command: c.TorqueControl, ticket: CommandStatus, gate
     if command.slope is not None and parameters.has(objects.TORQUE_SLOPE):
         writes.append((objects.TORQUE_SLOPE, 0, command.slope))
     writes += slow_ramp_writes(parameters, by_torque=True)
-    course = CommandedMotion(by_torque=True)
-    require_stop(core, _M.PROFILE_TORQUE, course, ticket)
+    commanded = CommandedMotion(by_torque=True)
+    require_stop(core, _M.PROFILE_TORQUE, commanded, ticket)
     require_no_push_out(core, command.torque, ticket)
-    down = stop_of(parameters, course)[1]
+    down = stop_of(parameters, commanded)[1]
     require_braking(core, down, ticket)
     prepare = _prepare(core, _M.PROFILE_TORQUE, writes, gate, may_leave=_exit_for(core, down))
     activity = TorqueMove(command.torque, command.timeout, parameters, prepare, command.slope)
@@ -467,8 +481,8 @@ def begin_follow(core: AxisCore, follow: Follow, ticket: CommandStatus) -> None:
 
 def path_of(core: AxisCore) -> Follow | None:
     """Return the path that commands the axis, and that another path may continue in its cyclic mode; None if there is none."""
-    path = core.leading_path if leaving_switch(core) is None else None
-    return None if path is None else path.leads_now
+    path = core.active_path if pending_switch_of(core) is None else None
+    return None if path is None else path.commanding_path
 
 
 def begin_coupled(core: AxisCore, coupled: Coupled, ticket: CommandStatus) -> None:
@@ -495,7 +509,7 @@ def uncouple(core: AxisCore, _: c.GearOut, ticket: CommandStatus, __: StartBarri
 def phase_by(core: AxisCore, command: c.PhaseBy, ticket: CommandStatus, _: StartBarrier) -> None:
     """Begin MC_PhasingRelative."""
     _coupled(core, ticket).phase_by(command, ticket.name)
-    core.go_on(ticket)
+    core.continue_with(ticket)
 
 
 def _coupled(core: AxisCore, ticket: CommandStatus) -> Coupled:
@@ -544,12 +558,20 @@ def _prepare(
     jerk: int | None = None,
     may_leave: Callable[[AxisImage], bool] | None = None,
 ) -> Prepare:
-    leading, before = core.led_along, leaving_switch(core)
-    lead = None if leading is None or before is not None else _lead(core, leading)
+    set_point_source, before = core.active_source, pending_switch_of(core)
+    step_source = (
+        None if set_point_source is None or before is not None else _step_of_source(core, set_point_source)
+    )
     ramps = RampTransfers(writes, core.parameters)
     transfers = JerkProfileWritten(ramps, jerk, core.profile_type, core.parameters)
     return Prepare(
-        ModeSwitch(mode, core.parameters, lead), transfers, ramps, gate, leading, before, may_leave
+        ModeSwitch(mode, core.parameters, step_source),
+        transfers,
+        ramps,
+        gate,
+        set_point_source,
+        before,
+        may_leave,
     )
 
 
@@ -558,46 +580,48 @@ def _exit_for(core: AxisCore, down: float | None, soft: float = 0.0) -> Callable
 
     ``down`` in position increments per s²; ``soft``: seconds by which a limited jerk prolongs that ramp.
     """
-    leading = core.led_along
-    if leading is None or not down:
+    set_point_source = core.active_source
+    if set_point_source is None or not down:
         return None
-    if isinstance(leading, VelocityRamp):
-        before, guard = _course(core), core.supervision.guard
+    if isinstance(set_point_source, VelocityRamp):
+        before, guard = _commanded_motion(core), core.supervision.guard
         # Until it leaves, it brakes as before.
         weaker = _weaker(down, None if before is None else before.down) or down
         return (
-            velocity_exit(leading, partial(guard.overrun, down=weaker, soft=soft)) if core.bounded else None
+            velocity_exit(set_point_source, partial(guard.overrun, down=weaker, soft=soft))
+            if core.bounded
+            else None
         )
     increment = 1.0 / abs(core.parameters.units.position.factor)
-    return PathExit(leading, down * increment, 0.5 * soft, core.parameters.scan_period, increment)
+    return PathExit(set_point_source, down * increment, 0.5 * soft, core.parameters.scan_period, increment)
 
 
-def _lead(core: AxisCore, leading: Follow | VelocityRamp) -> Lead:
+def _step_of_source(core: AxisCore, set_point_source: Follow | VelocityRamp) -> SourceStep:
     """Return the function that commands the axis until it has left a cyclic mode.
 
     If the drive is in a velocity mode before the master sees this, it must find its speed in the target velocity.
     """
-    if isinstance(leading, VelocityRamp):
-        return partial(_keep_up, leading)
+    if isinstance(set_point_source, VelocityRamp):
+        return partial(_hold_velocity, set_point_source)
     units = core.parameters.units
 
-    def lead(image: AxisImage, order: CycleOutputs) -> None:
-        leading.step(image, order)
-        order.target_velocity = units.velocity.to_increments(leading.last_step.velocity)
+    def step_source(image: AxisImage, order: CycleOutputs) -> None:
+        set_point_source.step(image, order)
+        order.target_velocity = units.velocity.to_increments(set_point_source.last_step.velocity)
 
-    return lead
-
-
-def _keep_up(leading: VelocityRamp, image: AxisImage, order: CycleOutputs) -> None:
-    leading.hold()
-    leading.step(image, order)
+    return step_source
 
 
-def leaving_switch(core: AxisCore) -> ModeSwitch | None:
+def _hold_velocity(set_point_source: VelocityRamp, image: AxisImage, order: CycleOutputs) -> None:
+    set_point_source.hold()
+    set_point_source.step(image, order)
+
+
+def pending_switch_of(core: AxisCore) -> ModeSwitch | None:
     """Return the running change of mode that will end the trajectory of the axis; the next command must complete this change."""
-    if core.ladder is not None:
-        return core.ladder.leaving
-    return None if core.activity is None else core.activity.leaving
+    if core.stop_sequence is not None:
+        return core.stop_sequence.pending_mode_switch
+    return None if core.activity is None else core.activity.pending_mode_switch
 
 
 def require_motion(core: AxisCore, ticket: CommandStatus) -> None:
@@ -614,9 +638,9 @@ def require_motion(core: AxisCore, ticket: CommandStatus) -> None:
         )
 
 
-def require_rest(core: AxisCore, ticket: CommandStatus, led_by: Leading | None = None) -> None:
-    """Raise StateError unless the axis is at standstill, or ``led_by`` is a command that the new command can continue."""
-    if core.state is not AxisState.STANDSTILL and led_by is None:
+def require_rest(core: AxisCore, ticket: CommandStatus, continued: SetPointSource | None = None) -> None:
+    """Raise StateError unless the axis is at standstill, or ``continued`` is a command that the new command can continue."""
+    if core.state is not AxisState.STANDSTILL and continued is None:
         raise StateError(f"{ticket.name}: the axis moves", remedy="halt it first: axis.halt()")
 
 

@@ -18,17 +18,17 @@ def move(core: AxisCore, command: c.MoveSuperimposed, ticket: CommandStatus, _: 
     """Begin MC_MoveSuperimposed."""
     require_motion(core, ticket)
     path = core.activity
-    if core.ladder is not None:
+    if core.stop_sequence is not None:
         raise StateError(
             f"{ticket.name}: {core.parameters.name} is being halted",
             remedy="wait until it is at standstill, then move_relative",
         )
-    if not isinstance(path, Follow) or path.leads_now is not path:
-        raise _nothing_leads(core, ticket)
+    if not isinstance(path, Follow) or path.commanding_path is not path:
+        raise _no_streamed_path(core, ticket)
     _end_before(core, f"was replaced by {ticket.name}")
     addition = Addition(command, core.parameters.scan_period)
-    path.lay_over(addition)
-    core.running.lay_over(addition, ticket)
+    path.superimpose(addition)
+    core.running.superimpose(addition, ticket)
 
 
 def halt(core: AxisCore, command: c.HaltSuperimposed, ticket: CommandStatus, _: StartBarrier) -> None:
@@ -39,7 +39,7 @@ def halt(core: AxisCore, command: c.HaltSuperimposed, ticket: CommandStatus, _: 
         return
     _end_before(core, f"was halted by {ticket.name}")
     addition.halt(deceleration=command.deceleration)
-    core.running.lay_over(addition, ticket)
+    core.running.superimpose(addition, ticket)
 
 
 def _end_before(core: AxisCore, how: str) -> None:
@@ -51,12 +51,12 @@ def _end_before(core: AxisCore, how: str) -> None:
     core.finish(ticket, Replaced(f"{ticket.name} {how}", observed=seen))
 
 
-def _nothing_leads(core: AxisCore, ticket: CommandStatus) -> StateError:
+def _no_streamed_path(core: AxisCore, ticket: CommandStatus) -> StateError:
     """Return why no distance can be superimposed on the axis's state or motion, with the remedy."""
     name = core.parameters.name
     if core.state is AxisState.STANDSTILL:
         observed, remedy = f"{name} stands", "use move_relative"
-    elif isinstance(core.led_along, VelocityRamp):
+    elif isinstance(core.active_source, VelocityRamp):
         observed, remedy = "it follows velocity set-points, not a path", "command another velocity instead"
     else:
         observed = (

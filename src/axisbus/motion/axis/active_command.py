@@ -65,7 +65,7 @@ class ActiveCommand:
         ticket, self.activity, self.ticket = self.ticket, None, None
         return ticket
 
-    def lay_over(self, addition: Addition, ticket: CommandStatus) -> None:
+    def superimpose(self, addition: Addition, ticket: CommandStatus) -> None:
         """Let ``ticket`` end with ``addition``; the caller must have removed the previous superimposed distance before."""
         self.addition, self.addition_ticket = addition, ticket
         ticket.begin()

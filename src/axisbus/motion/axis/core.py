@@ -11,13 +11,13 @@ In each cycle ``step`` does four things, in this order:
    the last targets remain valid.
 4. ``CycleOutputs`` turns the requests into ``Outputs``.
 
-In a *calm* cycle after a calm one (``_is_calm``), only the monitoring of motion and standstill is done from step 2, because only
-these values change from cycle to cycle. The other checks would repeat the result of the previous cycle. If the axis then only
-continues along its trajectory, one function does the whole cycle (``fast_path``).
+In an *uneventful* cycle after an uneventful one (``_is_uneventful``), only the monitoring of motion and standstill is done from
+step 2, because only these values change from cycle to cycle. The other checks would repeat the result of the previous cycle. If the
+axis then only continues along its trajectory, one function does the whole cycle (``fast_path``).
 
 Nothing is sent to a drive before a command requests something (``CycleOutputs.goal`` is None until then): a drive found enabled
 stays unchanged. If a drive that this master has enabled leaves *operation enabled*, the planner never enables it again, whatever
-the state of the axis (``_let_go``). This requires a new command.
+the state of the axis (``_prevent_reenable``). This requires a new command.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from axisbus.errors import (
 )
 from axisbus.motion.axis.active_command import ActiveCommand
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
-from axisbus.motion.axis.fast_path import FastPath, cruise_of
+from axisbus.motion.axis.fast_path import FastPath, fast_path_of
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.axis.loss import Loss
 from axisbus.motion.axis.queue import Queue
@@ -112,7 +112,7 @@ class AxisCore:
         self.history = DriveHistory()
         self.supervision = Supervision(parameters, capabilities)
         self.stopping = Stopping(parameters)
-        self.run_down = CoastDown(parameters)
+        self.coast_down = CoastDown(parameters)
         self.state = AxisState.DISABLED
         self.error: AxisbusError | None = None
         self.homed = False
@@ -130,16 +130,16 @@ class AxisCore:
         self._broken: AxisbusError | None = None  # the reason for a failure between two cycles
         self._fault_diagnosis: FaultDiagnosis | None = None
         self._arrival = ArrivalCheck(parameters)
-        self._aftermath = FaultReaction(parameters)
-        self.rest_waits = StandstillWaiters(parameters)
+        self._fault_reaction = FaultReaction(parameters)
+        self.standstill_waiters = StandstillWaiters(parameters)
         self._confirmed_origin: int | None = (
             None  # of the last confirmed position, also after a restart of the node
         )
         self._has_restarted = False  # since its node was operational
-        self._keeps_target = capabilities.outputs.get("target_position") is ValueTransport.SYNC_PDO
-        self._stopped_for_sure = False
-        self._was_calm = False  # in the previous cycle
-        self._cruise: FastPath | None = None  # while it only continues along a trajectory
+        self._sends_target_by_sync = capabilities.outputs.get("target_position") is ValueTransport.SYNC_PDO
+        self._stop_confirmed = False
+        self._was_uneventful = False  # in the previous cycle
+        self._fast_path: FastPath | None = None  # while it only continues along a trajectory
 
     def begin_again(
         self, parameters: AxisParameters, capabilities: Capabilities, error: AxisbusError, *, absolute: bool
@@ -160,10 +160,13 @@ class AxisCore:
     def require_rest_for_boot(self) -> None:
         """Raise StateError if the node must not be booted now: the axis is commanded, being stopped, or enabled."""
         name, node, state = self.parameters.name, self.parameters.node, self.image.state
-        if self.ladder is not None:
+        if self.stop_sequence is not None:
             observed, remedy = f"{name} is being stopped", "wait until its stop has ended"
         elif self.activity is not None or self.queue:
-            observed, remedy = f"{self._doing} runs", "wait for its end, or stop it, and disable the axis"
+            observed, remedy = (
+                f"{self._command_name} runs",
+                "wait for its end, or stop it, and disable the axis",
+            )
         elif self.image.duplicate:
             error = duplicate_error(name, node, self.image.duplicate)
             observed, remedy = f"{error.message} ({error.observed})", error.remedy
@@ -199,31 +202,31 @@ class AxisCore:
         return self.running.activity
 
     @property
-    def ladder(self) -> StopSequence | None:
+    def stop_sequence(self) -> StopSequence | None:
         """The running stop sequence, if any."""
-        return self.stopping.ladder
+        return self.stopping.stop_sequence
 
     @property
-    def leading_path(self) -> Follow | None:
+    def active_path(self) -> Follow | None:
         """The trajectory that the axis follows, or along which a halt that may be interrupted brakes."""
-        return follow if isinstance(follow := self.led_along, Follow) else None
+        return follow if isinstance(follow := self.active_source, Follow) else None
 
     @property
-    def led_along(self) -> Follow | VelocityRamp | None:
+    def active_source(self) -> Follow | VelocityRamp | None:
         """The same, or the ramp of csv: it must command the axis until another mode has taken over."""
-        running = None if self.activity is None else self.activity.leading
-        follow = running if self.ladder is None else self.ladder.follow
+        running = None if self.activity is None else self.activity.set_point_source
+        follow = running if self.stop_sequence is None else self.stop_sequence.follow
         return follow if isinstance(follow, (Follow, VelocityRamp)) and not follow.at_rest else None
 
     @property
     def rests(self) -> bool:
         """Whether the drive needs no further stop: it was never commanded, is not powered, or is known to have been stopped."""
-        return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stopped_for_sure
+        return not self.touched or self.image.state not in _MAY_BE_ENERGISED or self._stop_confirmed
 
     @property
-    def stopped_for_sure(self) -> bool:
+    def stop_confirmed(self) -> bool:
         """Whether the last stop sequence has seen the axis stopped, and nothing has set it in motion since."""
-        return self._stopped_for_sure
+        return self._stop_confirmed
 
     @property
     def may_be_switched_on(self) -> bool:
@@ -256,43 +259,45 @@ class AxisCore:
 
     def step(self, inputs: Inputs) -> Outputs:
         """Do one cycle's work and return the outputs for the drive."""
-        if self._cruise is not None:
-            outputs = self._cruise.step(inputs)
+        if self._fast_path is not None:
+            outputs = self._fast_path.step(inputs)
             if outputs is not None:
                 return outputs
         image, order = self.image, self.order
         image.update(inputs)
-        calm = self._is_calm(image)
-        if calm and self._was_calm:
+        uneventful = self._is_uneventful(image)
+        if uneventful and self._was_uneventful:
             self._watch_motion(image)
         else:
-            self._look_at_all(image, order)
-        self._was_calm = calm
+            self._supervise_all(image, order)
+        self._was_uneventful = uneventful
         if self.probes.requests:
             self.probes.step(image, order)
         order.halt = self.halted
         stopping, activity = self.stopping, self.running.activity
-        if stopping.ladder is None and activity is not None:
+        if stopping.stop_sequence is None and activity is not None:
             self._step_activity(activity, image, order)
-        elif stopping.ladder is None:
+        elif stopping.stop_sequence is None:
             self.running.finish_handshake(image, order)
         # In the same cycle, because a cycle without a target causes a jolt in a cyclic mode.
-        if stopping.ladder is not None:
-            self._step_ladder(stopping.ladder, image, order)
+        if stopping.stop_sequence is not None:
+            self._step_stop_sequence(stopping.stop_sequence, image, order)
         self.halted = order.halt
         if order.target_position is None:
             if image.mode in WITHOUT_TARGET_POSITION:
-                self._leave_no_old_target(image, order)
+                self._preload_target_position(image, order)
         elif self.state is _SYNCHRONIZED:
             self.last_target = order.target_position
         is_edge = bool(order.bits & cw.NEW_SET_POINT)
         if (
             is_edge or order.target_velocity or order.target_torque
         ):  # a target in csp pulls as long as the axis has not reached it
-            self.stopping.set_going_at = image.now
-        image.led.note(image.now, image.mode, image.shown_demand, order.target_position, is_edge)
+            self.stopping.motion_requested_at = image.now
+        image.reference_tracker.note(
+            image.now, image.mode, image.shown_demand, order.target_position, is_edge
+        )
         if image.override == 0.0 or order.halt:
-            image.led.hold_back(image.now)
+            image.reference_tracker.postpone_set_point(image.now)
         if self.forward is not None:
             order.velocity_offset, order.torque_offset = offsets_of(self, self.forward)
         outputs = order.outputs(image.state)
@@ -300,11 +305,11 @@ class AxisCore:
             image.flight.note(outputs, image.now)
         # Now, not at the start: requests that a command cancels between two cycles are sent with the next one.
         order.clear()
-        self._cruise = cruise_of(self) if calm and self.state is _SYNCHRONIZED else None
+        self._fast_path = fast_path_of(self) if uneventful and self.state is _SYNCHRONIZED else None
         return outputs
 
-    def may_cruise(self) -> bool:
-        """Whether an axis that was calm in the previous cycle is still calm, as far as others may change it between two cycles."""
+    def may_use_fast_path(self) -> bool:
+        """Whether a cycle after an uneventful one may be uneventful, as far as others may change the axis between two cycles."""
         return (
             self.powered
             and self.touched
@@ -316,7 +321,7 @@ class AxisCore:
             and not self.probes.requests
         )
 
-    def _is_calm(self, image: AxisImage) -> bool:
+    def _is_uneventful(self, image: AxisImage) -> bool:
         """Whether the drive is enabled, fresh and requested to stay enabled, and the axis only executes a motion or rests."""
         return (
             image.state is _ENABLED
@@ -325,19 +330,21 @@ class AxisCore:
             and self.touched
             and self.order.goal is _ENABLED
             and self.state in POWERED
-            and self.stopping.ladder is None
+            and self.stopping.stop_sequence is None
             and image.gap <= self.supervision.longest_gap
-            and not (image.lost_count or image.emcy or self.rest_waits.waiting or self.stopping.has_resets)
+            and not (
+                image.lost_count or image.emcy or self.standstill_waiters.waiting or self.stopping.has_resets
+            )
             and self.tripped is None
             and self._broken is None
             and self._fault_diagnosis is None
         )
 
     def _watch_motion(self, image: AxisImage) -> None:
-        """Do the part of ``_look_at_all`` that a calm cycle after a calm one requires.
+        """Do the part of ``_supervise_all`` that an uneventful cycle after an uneventful one requires.
 
-        The other checks would repeat their last result: ``history`` and ``run_down`` the same state, ``_supervise`` an unchanged
-        node and drive, ``_let_go`` a drive in its requested state. No fault is being diagnosed, and no command waits for
+        The other checks would repeat their last result: ``history`` and ``coast_down`` the same state, ``_supervise`` an unchanged
+        node and drive, ``_prevent_reenable`` a drive in its requested state. No fault is being diagnosed, and no command waits for
         standstill.
         """
         supervision = self.supervision
@@ -347,27 +354,27 @@ class AxisCore:
         if finding is not None:
             self._act_on(finding)
 
-    def _look_at_all(self, image: AxisImage, order: CycleOutputs) -> None:
+    def _supervise_all(self, image: AxisImage, order: CycleOutputs) -> None:
         self.tripped, self._broken = self._broken, None
         if image.loss is not None:
             self.forget(image.loss)
             image.loss = None
         self.history.note(image)
-        self.run_down.look(image, self.touched)
+        self.coast_down.look(image, self.touched)
         self._supervise(image)
         # Otherwise the drive is in its requested state.
         if image.state is not _ENABLED or order.goal is not _ENABLED:
-            self._let_go(image)
+            self._prevent_reenable(image)
         if self._fault_diagnosis is not None:
             self._step_fault_diagnosis(self._fault_diagnosis, image, order)
-        if self.rest_waits.waiting and self.led_along is None:
-            self.rest_waits.step(image, self.finish)
-        if self.stopping.has_resets and self.ladder is None:
+        if self.standstill_waiters.waiting and self.active_source is None:
+            self.standstill_waiters.step(image, self.finish)
+        if self.stopping.has_resets and self.stop_sequence is None:
             self.stopping.begin_resets()
 
-    def _leave_no_old_target(self, image: AxisImage, order: CycleOutputs) -> None:
+    def _preload_target_position(self, image: AxisImage, order: CycleOutputs) -> None:
         """Set 607Ah to the actual position: a drive that falls from a velocity or torque into a position mode moves to 607Ah."""
-        if self._keeps_target and self.touched and image.state is _ENABLED:
+        if self._sends_target_by_sync and self.touched and image.state is _ENABLED:
             order.target_position = image.position
 
     def snapshot(self) -> Snapshot:
@@ -402,19 +409,19 @@ class AxisCore:
     def abandon(self, ended: Callable[[str], AxisbusError]) -> None:
         """End every ticket, with the error that ``ended`` creates for its name: the scan has ended."""
         tickets = self.stopping.drop() + self.stopping.drop_resets()
-        tickets += self.rest_waits.drop()
+        tickets += self.standstill_waiters.drop()
         tickets += self.probes.drop()
         if self._fault_diagnosis is not None:
             tickets += self._fault_diagnosis.tickets
         tickets += [each for each in (self.running.ticket, self.running.addition_ticket) if each is not None]
-        self.queue.drop(self._doing, None)
+        self.queue.drop(self._command_name, None)
         for ticket in tickets:
             self.finish(ticket, ended(ticket.name))
 
     # -- unexpected events -------------------------------------------------------------------------------------------
 
     def _supervise(self, image: AxisImage) -> None:
-        supervision, ladder = self.supervision, self.stopping.ladder
+        supervision, stop_sequence = self.supervision, self.stopping.stop_sequence
         if not image.operational and (image.restarted or supervision.has_restarted(image)):
             self.homed = False
             if not self._has_restarted:
@@ -429,16 +436,18 @@ class AxisCore:
         if finding is None and image.state in _FAULTS:
             if self._fault_diagnosis is None and self.state is not _ERRORSTOP:
                 self._fault(image)
-            self._look_after_fault(image)
+            self._watch_fault_reaction(image)
             return
-        halts_at_rest = ladder is not None and ladder.rung in _HELD and self.state is AxisState.STANDSTILL
-        if not self.powered or (ladder is not None and not halts_at_rest):
+        halts_at_rest = (
+            stop_sequence is not None and stop_sequence.level in _HELD and self.state is AxisState.STANDSTILL
+        )
+        if not self.powered or (stop_sequence is not None and not halts_at_rest):
             supervision.at_work()
-        if finding is None and self.powered and ladder is None:
+        if finding is None and self.powered and stop_sequence is None:
             finding = supervision.power(image, self.state, self.running.activity, bounded=self.bounded)
-        elif finding is None and ladder is not None:
+        elif finding is None and stop_sequence is not None:
             # The stop may have begun after the power was to be removed.
-            finding = supervision.coasting(image, ladder.rung, bounded=self.bounded)
+            finding = supervision.coasting(image, stop_sequence.level, bounded=self.bounded)
             # An axis that was at standstill but moves does not wait for the halt's time. Without power its rest starts again above.
             if finding is None and halts_at_rest:
                 finding = supervision.unrest(image, None)
@@ -449,18 +458,18 @@ class AxisCore:
         if finding is not None:
             self._act_on(finding)
         elif not self.touched and self.error is None:
-            self._show_found(image)
+            self._adopt_shown_state(image)
 
-    def _look_after_fault(self, image: AxisImage) -> None:
+    def _watch_fault_reaction(self, image: AxisImage) -> None:
         """React to a drive in fault that does not stop its motor: remove its power; the node's stop is the last step."""
-        error = self._aftermath.error(image, self.run_down, self.touched)
+        error = self._fault_reaction.error(image, self.coast_down, self.touched)
         if error is None:
             return
         self._trip(error)
-        if image.state is PowerState.FAULT_REACTION_ACTIVE and self.ladder is None:
+        if image.state is PowerState.FAULT_REACTION_ACTIVE and self.stop_sequence is None:
             self._stop(StopKind.ERROR, AfterStop.HOLD, StopLevel.DISABLE_VOLTAGE, error.message)
 
-    def _show_found(self, image: AxisImage) -> None:
+    def _adopt_shown_state(self, image: AxisImage) -> None:
         """Set the axis's state to the state that the drive shows, for a drive that this master has not commanded yet."""
         if image.state is _UNKNOWN:
             return
@@ -469,11 +478,11 @@ class AxisCore:
         else:
             self.state = AxisState.STANDSTILL if image.standstill else AxisState.CONTINUOUS_MOTION
 
-    def _let_go(self, image: AxisImage) -> None:
+    def _prevent_reenable(self, image: AxisImage) -> None:
         """Do not request again a state that the drive has left on its own; only a running enable may do so."""
         if image.state is not _ENABLED:
             # A set-point that the drive had taken, or begun to take, is void.
-            self.running.set_point = image.led.taken = None
+            self.running.set_point = image.reference_tracker.taken = None
         goal = self.order.goal
         if image.state is goal or goal not in ENERGISED or isinstance(self.activity, EnableActivity):
             return
@@ -485,14 +494,14 @@ class AxisCore:
 
     # -- failure -----------------------------------------------------------------------------------------------------
 
-    def fail(self, error: AxisbusError, rung: StopLevel = StopLevel.HALT, *, along: bool = True) -> None:
-        """Go to ErrorStop because of ``error``, and stop the axis from ``rung`` on; ``along``: a halt may brake along its path."""
+    def fail(self, error: AxisbusError, level: StopLevel = StopLevel.HALT, *, along: bool = True) -> None:
+        """Go to ErrorStop because of ``error``, and stop the axis from ``level`` on; ``along``: a halt may brake along its path."""
         self._trip(error)
         enrich(error, self.image, self.history)
         activity = self.activity if along else None
         self.end_command(error)
         if self.touched and self.image.state in _MAY_BE_ENERGISED:
-            self._stop(StopKind.ERROR, AfterStop.HOLD, rung, error.message, led_by=activity)
+            self._stop(StopKind.ERROR, AfterStop.HOLD, level, error.message, ended_activity=activity)
             return
         self.powered = False
         if self.order.goal is not None:
@@ -503,7 +512,7 @@ class AxisCore:
         self._activity_failed(error)
         self._broken = self.tripped
 
-    def intruded(self, error: SecondMasterError) -> None:
+    def stop_for_second_master(self, error: SecondMasterError) -> None:
         """Stop the drive because another master commands it (found between two cycles), if this master has ever commanded it.
 
         If the drive has power that this master has not asked for, the other master has enabled it again: the drive must take no
@@ -511,21 +520,21 @@ class AxisCore:
         """
         if not self.touched:
             return
-        if self.ladder is not None and self.state is _ERRORSTOP:
-            if self.ladder.rung >= StopLevel.QUICK_STOP:
+        if self.stop_sequence is not None and self.state is _ERRORSTOP:
+            if self.stop_sequence.level >= StopLevel.QUICK_STOP:
                 return
-            rung = StopLevel.QUICK_STOP
+            level = StopLevel.QUICK_STOP
         elif self.state is not _ERRORSTOP or self.powered:
-            rung = StopLevel.QUICK_STOP
+            level = StopLevel.QUICK_STOP
         elif self.image.state is _ENABLED:
-            rung = StopLevel.NMT_STOP if self.parameters.holds_load is HoldsLoad.NO else StopLevel.QUICK_STOP
+            level = StopLevel.NMT_STOP if self.parameters.holds_load is HoldsLoad.NO else StopLevel.QUICK_STOP
         else:
             return
-        self.fail(error, rung, along=False)
+        self.fail(error, level, along=False)
         self._broken = self.tripped
 
     @property
-    def _doing(self) -> str:
+    def _command_name(self) -> str:
         """The name of the running motion, for the user."""
         ran = self.running.ticket
         return ran.name if ran is not None else f"{self.parameters.name}'s motion"
@@ -549,7 +558,11 @@ class AxisCore:
     def _fault(self, image: AxisImage) -> None:
         """React to a fault of the drive: request nothing more, diagnose the fault, then report it."""
         diagnosis = FaultDiagnosis(self.parameters, image.now)
-        doing, ticket, addition = self._doing, self.running.drop(self.order), self.running.take_addition()
+        doing, ticket, addition = (
+            self._command_name,
+            self.running.drop(self.order),
+            self.running.take_addition(),
+        )
         self._drop_waiting(doing, None)
         if addition is not None:
             diagnosis.tickets.append(addition)
@@ -559,8 +572,8 @@ class AxisCore:
         diagnosis.tickets += self.stopping.drop_resets()
         self._fault_diagnosis = diagnosis
         # It came from an earlier stop sequence: the drive itself brakes now, or coasts.
-        self._stopped_for_sure = False
-        self._trip(diagnosis.tell(image, self.history))
+        self._stop_confirmed = False
+        self._trip(diagnosis.fault_error(image, self.history))
         diagnosis.tickets += self.stopping.drop()
         self.powered = False
         if self.touched:
@@ -569,7 +582,7 @@ class AxisCore:
     def _step_fault_diagnosis(self, diagnosis: FaultDiagnosis, image: AxisImage, order: CycleOutputs) -> None:
         if not diagnosis.step(image, order):
             return
-        error = diagnosis.tell(image, self.history)
+        error = diagnosis.fault_error(image, self.history)
         self._fault_diagnosis = None
         if self.state is AxisState.ERRORSTOP:
             self.error = error
@@ -580,11 +593,11 @@ class AxisCore:
 
     def begin(self, activity: Activity, ticket: CommandStatus, state: AxisState | None = None) -> None:
         """Begin ``activity``; the running command, or the halt, ends as replaced."""
-        self.end_command(Replaced(f"{self._doing} was replaced by {ticket.name}"))
-        if self.ladder is not None:
+        self.end_command(Replaced(f"{self._command_name} was replaced by {ticket.name}"))
+        if self.stop_sequence is not None:
             self._end_stop(Replaced(f"{self.stopping.name} was replaced by {ticket.name}"))
         self.touched = True
-        self._stopped_for_sure = False
+        self._stop_confirmed = False
         self.stopping.power_note = ""
         if activity.mode is ModeOfOperation.HOMING:
             self.forget_position()  # until it is done
@@ -595,9 +608,9 @@ class AxisCore:
         if state is not None:
             self.state = state
 
-    def go_on(self, ticket: CommandStatus) -> None:
+    def continue_with(self, ticket: CommandStatus) -> None:
         """Continue the running activity for another command, which it has already received; the previous one ends as replaced."""
-        doing, before = self._doing, self.running.ticket
+        doing, before = self._command_name, self.running.ticket
         error = Replaced(f"{doing} was replaced by {ticket.name}")
         self.running.ticket = ticket
         ticket.begin()
@@ -618,7 +631,7 @@ class AxisCore:
         self.image.override = self.override.factor
         if self.activity is not None:
             self.activity.override(self.image)
-        self._cruise = None  # the next cycle needs the whole step
+        self._fast_path = None  # the next cycle needs the whole step
 
     def coast(self, coast: Activity, ticket: CommandStatus) -> None:
         """Let ``coast`` remove the power: from now on this master does not power the motor."""
@@ -644,13 +657,13 @@ class AxisCore:
 
         A command that ends leaves nothing else behind: an activity holds its own state, which ends with it.
         """
-        image, led = self.image, self.image.led
+        image, reference_tracker = self.image, self.image.reference_tracker
         self.running.set_point = None
-        led.drop_set_point()
+        reference_tracker.drop_set_point()
         if loss >= Loss.POWER:
-            led.forget(image.now)
+            reference_tracker.forget(image.now)
             self.last_target = None
-            self.stopping.set_going_at = -math.inf
+            self.stopping.motion_requested_at = -math.inf
             self.supervision.forget()
         if loss >= Loss.COUNT:
             image.recount()
@@ -667,7 +680,7 @@ class AxisCore:
 
     def end_command(self, error: AxisbusError | None) -> None:
         """End the running command, and the commands that wait for its end; an unfinished set-point handshake remains."""
-        doing = self._doing
+        doing = self._command_name
         ticket, addition = self.running.drop(self.order), self.running.take_addition()
         if ticket is not None:
             self.finish(ticket, error)
@@ -683,12 +696,12 @@ class AxisCore:
     def at_rest(self, ticket: CommandStatus, then: Callable[[], None]) -> None:
         """Call ``then`` at standstill: now, if the axis is seen at standstill and not on a path, else as soon as this is so."""
         image = self.image
-        stands = image.standstill and image.now - image.position_stamp <= _NOW
-        if stands and not self.run_down.under_way and self.led_along is None:
+        at_standstill = image.standstill and image.now - image.position_stamp <= _NOW
+        if at_standstill and not self.coast_down.under_way and self.active_source is None:
             then()
             self.finish(ticket)
         else:
-            self.rest_waits.add(ticket, then)
+            self.standstill_waiters.add(ticket, then)
 
     def finish(self, ticket: CommandStatus, error: AxisbusError | None = None) -> None:
         """End a ticket, successfully (no error) or with the reason."""
@@ -706,7 +719,7 @@ class AxisCore:
                 done = self._arrival.complete(activity, done, image)
             # Otherwise the axis still moves: the check for standstill starts again after this cycle, with the values received then.
         except Exception as error:  # noqa: BLE001  # any exception ends this command and stops this axis
-            self._activity_failed(broken(error, self._doing))
+            self._activity_failed(broken(error, self._command_name))
             return
         if self.running.addition is not None and self.running.addition.over:
             self._addition_ended(self.running.addition)
@@ -727,7 +740,7 @@ class AxisCore:
         ticket, self.running.ticket = self.running.ticket, None
         if ticket is not None:
             self.finish(ticket)
-        if activity.goes_on:
+        if activity.keeps_moving:
             return  # until another command follows
         self.running.activity = None
         if activity.clears_error:
@@ -743,11 +756,11 @@ class AxisCore:
         """Set the state that the power stage shows, after a command that has ended successfully."""
         image = self.image
         self.error = None
-        held = image.state is PowerState.QUICK_STOP_ACTIVE
+        in_quick_stop = image.state is PowerState.QUICK_STOP_ACTIVE
         self.powered = (
             image.state is PowerState.OPERATION_ENABLED and self.order.goal is image.state
-        ) or held
-        if held:
+        ) or in_quick_stop
+        if in_quick_stop:
             self.state = AxisState.STOPPING
         else:
             self.state = AxisState.STANDSTILL if self.powered else AxisState.DISABLED
@@ -767,13 +780,13 @@ class AxisCore:
         if finding.halts:
             self._end_in_halt(finding.error)
         else:
-            self.fail(finding.error, finding.rung, along=finding.along)
+            self.fail(finding.error, finding.level, along=finding.along)
 
     def _end_in_halt(self, error: AxisbusError) -> None:
         """Halt the axis because its command ends by its own rule, as a jog does, or could not begin."""
         activity = self.activity
         self.end_command(error)
-        self._stop(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, error.message, led_by=activity)
+        self._stop(StopKind.HALT, AfterStop.HOLD, StopLevel.HALT, error.message, ended_activity=activity)
 
     def _activity_failed(self, error: AxisbusError) -> None:
         activity = self.activity
@@ -786,8 +799,8 @@ class AxisCore:
         if along or isinstance(error, MotionTimeout):
             self.fail(error, StopLevel.HALT)
             return
-        astray = self._runs_on_targets or isinstance(error, UncommandedMotion)
-        self.fail(error, StopLevel.QUICK_STOP if astray else StopLevel.HALT)
+        uncontrolled = self._runs_on_targets or isinstance(error, UncommandedMotion)
+        self.fail(error, StopLevel.QUICK_STOP if uncontrolled else StopLevel.HALT)
         if resetting:
             # The failure itself has been reported; that it persists is no reason to stop other axes again.
             self.tripped = None
@@ -802,14 +815,14 @@ class AxisCore:
     # -- stopping ----------------------------------------------------------------------------------------------------
 
     def stop_because(
-        self, kind: StopKind, then: AfterStop, rung: StopLevel, reason: str, ticket: CommandStatus | None
+        self, kind: StopKind, then: AfterStop, level: StopLevel, reason: str, ticket: CommandStatus | None
     ) -> None:
         """Stop the axis: the running command ends with ``reason``; the axis brakes along the path of its trajectory."""
         activity = self.activity
         self.end_command(Stopped(reason, remedy=REMEDIES.get(kind, "")))
         if kind in _LASTING:
             self._end_resets(Stopped(reason))
-        self._stop(kind, then, rung, reason, ticket, activity)
+        self._stop(kind, then, level, reason, ticket, activity)
         if kind in _LOCKING and self.state is not AxisState.ERRORSTOP:
             self.state = AxisState.STOPPING
 
@@ -817,36 +830,36 @@ class AxisCore:
         self,
         kind: StopKind,
         then: AfterStop,
-        rung: StopLevel,
+        level: StopLevel,
         reason: str,
         ticket: CommandStatus | None = None,
-        led_by: Activity | None = None,
+        ended_activity: Activity | None = None,
     ) -> None:
-        """``led_by``: the command that has just ended; the axis brakes along the trajectory of this command."""
-        if kind is not StopKind.HALT and self.leading_path is not None:
-            self.leading_path.brake_hard()
-        self.stopping.ask(kind, then, rung, reason, ticket, led_by)
+        """``ended_activity``: the command that has just ended; the axis brakes along the trajectory of this command."""
+        if kind is not StopKind.HALT and self.active_path is not None:
+            self.active_path.brake_hard()
+        self.stopping.ask(kind, then, level, reason, ticket, ended_activity)
         self.touched = True
 
-    def _step_ladder(self, ladder: StopSequence, image: AxisImage, order: CycleOutputs) -> None:
-        if ladder.rung is StopLevel.HALT:
+    def _step_stop_sequence(self, stop_sequence: StopSequence, image: AxisImage, order: CycleOutputs) -> None:
+        if stop_sequence.level is StopLevel.HALT:
             self.running.finish_handshake(image, order)
-        ended = ladder.step(image, order, self.run_down)
-        if self.state is AxisState.STANDSTILL and ladder.seen not in _MAY_BE_ENERGISED:
+        ended = stop_sequence.step(image, order, self.coast_down)
+        if self.state is AxisState.STANDSTILL and stop_sequence.seen not in _MAY_BE_ENERGISED:
             self.state = AxisState.DISABLED  # it may turn without power, so the stop waits for it
-        elif self.state is AxisState.STANDSTILL and ladder.blind:
+        elif self.state is AxisState.STANDSTILL and stop_sequence.statusword_missing:
             self.state = AxisState.STOPPING  # its standstill can no longer be seen
         if ended:
-            self._stopped(ladder, image)
+            self._stopped(stop_sequence, image)
 
-    def _stopped(self, ladder: StopSequence, image: AxisImage) -> None:
+    def _stopped(self, stop_sequence: StopSequence, image: AxisImage) -> None:
         seen = (
-            ladder.seen if image.state is PowerState.UNKNOWN else image.state
+            stop_sequence.seen if image.state is PowerState.UNKNOWN else image.state
         )  # by SDO, if no PDO brings the state
-        self.powered = ladder.confirmed and seen in ENERGISED
-        self._stopped_for_sure = ladder.confirmed
+        self.powered = stop_sequence.confirmed and seen in ENERGISED
+        self._stop_confirmed = stop_sequence.confirmed
         self.last_target = image.reference if self.powered else None  # without power it may be turned by hand
-        error = stop_error(ladder, self.parameters.name)
+        error = stop_error(stop_sequence, self.parameters.name)
         if error is not None:
             self._trip(error)
             enrich(error, image, self.history)
@@ -863,7 +876,11 @@ class AxisCore:
         return AxisState.STOPPING if locked else AxisState.STANDSTILL
 
     def _end_stop(self, error: AxisbusError | None) -> None:
-        note = "" if self.ladder is None else self.ladder.witness or self.stopping.power_note
+        note = (
+            ""
+            if self.stop_sequence is None
+            else self.stop_sequence.weaker_evidence or self.stopping.power_note
+        )
         for ticket in self.stopping.drop():
             ticket.note = note
             self.finish(ticket, error)

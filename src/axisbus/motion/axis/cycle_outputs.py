@@ -20,7 +20,7 @@ _HOLD = {
     PowerState.FAULT_REACTION_ACTIVE: 0,
     PowerState.NOT_READY_TO_SWITCH_ON: 0,
 }
-GO_ON = _HOLD[_ENABLED]
+ENABLE_OPERATION_WORD = _HOLD[_ENABLED]
 
 
 class CycleOutputs:
@@ -123,7 +123,7 @@ class CycleOutputs:
         if target is not None and not INT32_LEAST <= target < INT32_HALF:
             target = wrap(target)
         if state is _ENABLED and self.goal is _ENABLED and self.word is None and not self.halt:
-            word: int | None = GO_ON | self.bits  # as ``controlword``, in most cycles
+            word: int | None = ENABLE_OPERATION_WORD | self.bits  # as ``controlword``, in most cycles
         else:
             word = self.controlword(state)
         sdo, cancel = tuple(self.sdo), tuple(self.cancel)

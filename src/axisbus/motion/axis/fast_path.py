@@ -7,7 +7,7 @@ Nearly every cycle of a trajectory is of this kind, and there is one for each ax
 from slow memory. So one function makes all checks here. First it checks everything without changing anything; if any check finds
 something unusual, the whole step does the cycle. Then it stores the remaining values, as the whole step stores them.
 
-A ``FastPath`` is made at the end of a whole step (``cruise_of``), and ends with the next one. Conditions that only a whole step
+A ``FastPath`` is made at the end of a whole step (``fast_path_of``), and ends with the next one. Conditions that only a whole step
 changes are checked then. Conditions that commands, groups and the scan may change between two cycles are checked in every cycle.
 """
 
@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from axisbus.cia402.port import Inputs, Outputs
 from axisbus.cia402.state import PowerState, decode
-from axisbus.motion.axis.cycle_outputs import GO_ON
+from axisbus.motion.axis.cycle_outputs import ENABLE_OPERATION_WORD
 from axisbus.motion.moves.follow import Follow
 from axisbus.motion.states import AxisState
 from axisbus.units import INT32_HALF, INT32_LEAST
@@ -42,14 +42,14 @@ class FastPath:
         "_following",
         "_forward",
         "_image",
-        "_led",
         "_modes_age",
         "_nmt",
         "_order",
         "_period",
         "_positions_age",
-        "_rest_waits",
+        "_reference_tracker",
         "_running",
+        "_standstill_waiters",
         "_stopping",
         "_track",
         "_window",
@@ -60,8 +60,8 @@ class FastPath:
         image, supervision = core.image, core.supervision
         self._core, self._image, self._follow = core, image, follow
         self._order, self._running, self._stopping = core.order, core.running, core.stopping
-        self._led, self._following = image.led, supervision.following
-        self._rest_waits = core.rest_waits
+        self._reference_tracker, self._following = image.reference_tracker, supervision.following
+        self._standstill_waiters = core.standstill_waiters
         self._forward = core.forward
         self._track, self._demand_track = supervision.guard.tracks
         self._period, self._window = core.parameters.scan_period, core.parameters.pull_window
@@ -105,11 +105,11 @@ class FastPath:
         core, image = self._core, self._image
         if (
             core.state is not _SYNCHRONIZED
-            or not core.may_cruise()
+            or not core.may_use_fast_path()
             or self._running.activity is not self._follow
             or self._running.set_point is not None
-            or self._stopping.ladder is not None
-            or self._rest_waits.waiting
+            or self._stopping.stop_sequence is not None
+            or self._standstill_waiters.waiting
             or not self._order.is_clear()
         ):
             return None
@@ -117,7 +117,7 @@ class FastPath:
         late = now - image.now - self._period
         since = now - late if late > 0.0 else now
         raw, came = position
-        target, window = self._led.target, self._window
+        target, window = self._reference_tracker.target, self._window
         if (
             late >= self._period
             or (word.value != image.statusword and decode(word.value) is not _ENABLED)
@@ -130,7 +130,7 @@ class FastPath:
             or not INT32_LEAST <= raw - image.last_position < INT32_HALF
             or target is None
             or not -window <= target - raw <= window
-            or now <= self._following.led_at
+            or now <= self._following.commanded_at
         ):
             return None
         ages = image.max_age
@@ -147,7 +147,7 @@ class FastPath:
         if ahead is None:
             return None
         # Nothing is unusual.
-        image.go_on(now, word, mode, position)
+        image.update_unchanged(now, word, mode, position)
         if velocity is None:
             image.velocity = None
         else:
@@ -159,17 +159,21 @@ class FastPath:
         if self._demand_track is not None:
             self._demand_track.take(image.demand, image.demand_stamp)
         self._following.close(target, now)
-        before, led = target, self._led
-        led.target = core.last_target = target = self._follow.go_on(ahead, now)
-        led.rate = target - before
+        before, reference_tracker = target, self._reference_tracker
+        reference_tracker.target = core.last_target = target = self._follow.use_foreseen(ahead, now)
+        reference_tracker.rate = target - before
         if self._forward is not None:
             offsets = self._forward.offsets(ahead[1])
-            return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, *offsets, None))
-        return _tuple(Outputs, (GO_ON, None, target, None, None, (), (), False, None, None, None))
+            return _tuple(
+                Outputs, (ENABLE_OPERATION_WORD, None, target, None, None, (), (), False, *offsets, None)
+            )
+        return _tuple(
+            Outputs, (ENABLE_OPERATION_WORD, None, target, None, None, (), (), False, None, None, None)
+        )
 
 
-def cruise_of(core: AxisCore) -> FastPath | None:
-    """Return the fast path of a calm axis after a whole step; None if the next cycle may require more."""
+def fast_path_of(core: AxisCore) -> FastPath | None:
+    """Return the fast path of an axis after an uneventful whole step; None if the next cycle may require more."""
     follow, image = core.running.activity, core.image
     if (
         not isinstance(follow, Follow)
@@ -179,5 +183,9 @@ def cruise_of(core: AxisCore) -> FastPath | None:
     ):
         return None
     quiet = image.bus is None and not (image.replies or image.emcy or image.overdue)
-    usual = quiet and image.flight.word == GO_ON and image.led.leads_on(image.mode)
+    usual = (
+        quiet
+        and image.flight.word == ENABLE_OPERATION_WORD
+        and image.reference_tracker.only_target_would_change(image.mode)
+    )
     return FastPath(core, follow) if usual and core.supervision.only_follows(follow) else None

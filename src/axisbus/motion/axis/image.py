@@ -33,13 +33,13 @@ class AxisImage:
 
     A value older than its maximum age, or never received, is None: *unknown*. Positions are unwrapped increments: they continue
     past the wrap of INTEGER32, also across a time without a known position. ``origin`` is the position that the user calls 0 (set
-    by ``set_position``). ``led``: the set-points of the axis (``ReferenceTracker``). ``flight``: the outputs that the drive may not
-    have answered yet. ``override``: the factor for the velocities of commands. ``shown_demand`` is 6062h as the drive reports it,
-    ``demand`` the same if it is trusted, and ``lead`` its distance ahead of the axis when it was sampled. ``loss``: see
+    by ``set_position``). ``reference_tracker``: the set-points of the axis (``ReferenceTracker``). ``flight``: the outputs that the
+    drive may not have answered yet. ``override``: the factor for the velocities of commands. ``shown_demand`` is 6062h as the drive
+    reports it, ``demand`` the same if it is trusted, and ``lead`` its distance ahead of the axis when it was sampled. ``loss``: see
     ``AxisCore.forget``.
 
-    ``restarted``, ``duplicate``: see ``Inputs``. Values received by PDO are unknown after a restart; ``heard`` has the statusword
-    and position received since (each may be None), which can contradict a stop, but not confirm it.
+    ``restarted``, ``duplicate``: see ``Inputs``. Values received by PDO are unknown after a restart; ``since_restart`` has the
+    statusword and position received since (each may be None), which can contradict a stop, but not confirm it.
     """
 
     __slots__ = (
@@ -65,12 +65,10 @@ class AxisImage:
         "gap",
         "guarded",
         "had_demand",
-        "heard",
         "lag",
         "last_position",
         "lead",
         "lead_stamp",
-        "led",
         "loss",
         "lost_count",
         "max_age",
@@ -84,9 +82,11 @@ class AxisImage:
         "override",
         "position",
         "position_stamp",
+        "reference_tracker",
         "replies",
         "restarted",
         "shown_demand",
+        "since_restart",
         "starvation",
         "state",
         "statusword",
@@ -144,7 +144,7 @@ class AxisImage:
         self.operational = False
         self.overdue = self.restarted = False
         self.duplicate = ""
-        self.heard: tuple[Sample | None, Sample | None] = (None, None)
+        self.since_restart: tuple[Sample | None, Sample | None] = (None, None)
         self.lag = 0.0
         self.override = 1.0
         self.nmt = -1
@@ -162,7 +162,7 @@ class AxisImage:
         self.shown_demand: int | None = None
         self.demand: int | None = None
         self.lead: float | None = None
-        self.led = ReferenceTracker(demand, pull_window, quick and quick * period**2, period)
+        self.reference_tracker = ReferenceTracker(demand, pull_window, quick and quick * period**2, period)
         self.flight = PendingOutputs(period)
         self.demand_stamp = -math.inf
         self.had_demand = False  # one had arrived in the previous cycle
@@ -203,7 +203,7 @@ class AxisImage:
             self.lag,
         ) = inputs
         if self.restarted:
-            self.heard = word, position
+            self.since_restart = word, position
             word = mode = position = velocity = torque = demand = None
         if sdo or self.replies:
             self.replies = {reply.id: reply for reply in sdo}
@@ -238,7 +238,7 @@ class AxisImage:
             self.had_demand = demand is not None
             self.take_demand(demand, since - ages[5])
 
-    def go_on(self, now: float, word: Sample, mode: Sample, position: Sample) -> None:
+    def update_unchanged(self, now: float, word: Sample, mode: Sample, position: Sample) -> None:
         """Evaluate the cycle at ``now`` as ``update`` does, if state and mode are unchanged and the position has not wrapped."""
         self.gap = now - self.now
         self.now = now
@@ -270,7 +270,7 @@ class AxisImage:
         self.still_demand.forget()
         self.shown_demand = self.demand = self.lead = None
         self._before_stamp = self._earlier_stamp = self._checkpoint_stamp = -math.inf
-        self.led.recount(self.now)
+        self.reference_tracker.recount(self.now)
 
     def restart(self) -> None:
         """Begin again with the drive's next own value: its count has another origin now."""
@@ -304,7 +304,7 @@ class AxisImage:
 
         A sample from before the present mode, power or count does not count, unless silence means that the value is still valid.
         """
-        if not self.led.counts(self.demand, self.mode):
+        if not self.reference_tracker.counts(self.demand, self.mode):
             return None
         return None if self.awaits_demand else self.lead
 
@@ -316,12 +316,14 @@ class AxisImage:
     @property
     def awaits_demand(self) -> bool:
         """Whether the next demand must arrive before the demand can be evaluated."""
-        return self.demand_repeats and self.demand_stamp <= self.led.since
+        return self.demand_repeats and self.demand_stamp <= self.reference_tracker.since
 
     @property
     def pull(self) -> float | None:
         """Commanded minus actual position, in increments; None if unknown or if nothing moves the axis (``ReferenceTracker``)."""
-        return self.led.pull(self.demand_lead, self.position, self.state, self.still.rested_since)
+        return self.reference_tracker.pull(
+            self.demand_lead, self.position, self.state, self.still.rested_since
+        )
 
     @property
     def reference(self) -> int | None:
@@ -353,8 +355,8 @@ class AxisImage:
     def _enter(self, state: PowerState) -> None:
         """Enter the state that the drive shows. A demand from before a change of power is not valid any more."""
         if (state in ENERGISED) is not (self.state in ENERGISED):
-            self.led.begin(self.now)
-            self.led.idle = self.led.idle or state not in ENERGISED
+            self.reference_tracker.begin(self.now)
+            self.reference_tracker.idle = self.reference_tracker.idle or state not in ENERGISED
         self.loss = loss_between(self.state, state) or self.loss
         self.state = state
 
@@ -367,7 +369,7 @@ class AxisImage:
             self.shown_demand = self.demand = self.lead = None
             return
         raw, stamp = sample
-        trust = self.led.trust
+        trust = self.reference_tracker.trust
         # A demand from before the new count does not belong to it, unless silence means that it is still valid.
         if stamp != self.demand_stamp or (self.shown_demand is None and not self.demand_repeats):
             if not -INT32_HALF <= raw - position < INT32_HALF:
@@ -386,7 +388,7 @@ class AxisImage:
             # The silence is too long for an inhibit time: the demand has not changed.
             assert self.shown_demand is not None
             self.lead, self.lead_stamp = self.shown_demand - position, self.position_stamp
-        self.demand = self.shown_demand if trust.believes(self.mode) else None
+        self.demand = self.shown_demand if trust.trusts(self.mode) else None
 
     def _lead_at(self, demand: int, stamp: float) -> tuple[float, float]:
         """Return how far a demand received at ``stamp`` was ahead of the axis, and the possible error of this distance.

@@ -41,20 +41,20 @@ class ReferenceTracker:
 
     ``target`` is the target of csp (None: there was none in this mode). ``set_point`` is the set-point of pp, given at
     ``set_point_at``; ``taken`` is that set-point once the axis was seen to move to it (only ``SetPointConfirmation`` checks this).
-    ``searching_since``: when the running homing began (infinite: none runs). ``since``: a demand received at or before this moment
+    ``homing_since``: when the running homing began (infinite: none runs). ``since``: a demand received at or before this moment
     is outdated. ``trust``: whether 6062h counts. ``rate`` is the last step of the target, in increments per cycle. ``idle``: in pp,
     no set-point was given since the drive was seen without power or in another mode.
     """
 
     __slots__ = (
         "_before",
-        "_left_at",
         "_mode",
         "_period",
         "_quick",
+        "_targets_ended_at",
+        "homing_since",
         "idle",
         "rate",
-        "searching_since",
         "set_point",
         "set_point_at",
         "since",
@@ -87,14 +87,14 @@ class ReferenceTracker:
         self.set_point: int | None = None
         self.set_point_at = -math.inf
         self.taken: int | None = None
-        self.searching_since = math.inf
+        self.homing_since = math.inf
 
     def forget(self, now: float) -> None:
         """Discard all outputs, and the present demand: none of them moves the axis any more."""
         self.drop_set_point()
         self.target: int | None = None
         self.rate = 0
-        self._left_at: float | None = None  # when the targets of csp ended; None: they go on
+        self._targets_ended_at: float | None = None  # when the targets of csp ended; None: they go on
         self._before: int | None = None  # 6062h when the drive changed to its mode
         self.begin(now)
 
@@ -124,33 +124,33 @@ class ReferenceTracker:
             self.target = None
         elif target is not None:
             self.rate = 0 if self.target is None else target - self.target
-            self.target, self._left_at = target, None
-        elif self._left_at is None:
-            self._left_at = now
+            self.target, self._targets_ended_at = target, None
+        elif self._targets_ended_at is None:
+            self._targets_ended_at = now
         if mode != _HOMING or not is_edge:
-            self.searching_since = math.inf
-        elif self.searching_since == math.inf:
-            self.searching_since = now
+            self.homing_since = math.inf
+        elif self.homing_since == math.inf:
+            self.homing_since = now
         if is_edge and mode == _PP:
             self.idle = False
         if is_edge and mode == _PP and target is not None and target != self.set_point:
             self.set_point, self.set_point_at = target, now
-            self.trust.gives(target)
+            self.trust.add_set_point(target)
 
-    def hold_back(self, now: float) -> None:
+    def postpone_set_point(self, now: float) -> None:
         """Note that an override of 0, or a halt, holds the axis until ``now``: the time of its set-point starts then."""
         if self.set_point is not None:
             self.set_point_at = now
 
-    def leads_on(self, mode: int | None) -> bool:
+    def only_target_would_change(self, mode: int | None) -> bool:
         """Whether a ``note`` in the present ``mode`` would change nothing but a csp target."""
-        return mode == _CSP and mode == self._mode and self.searching_since == math.inf
+        return mode == _CSP and mode == self._mode and self.homing_since == math.inf
 
     def counts(self, demand: int | None, mode: int | None) -> bool:
         """Whether ``demand``, if it is trusted, is the motor's set-point in this mode."""
         if demand is None:
             return False
-        return mode not in WITHOUT_POSITION_DEMAND or self._lives(demand, mode)
+        return mode not in WITHOUT_POSITION_DEMAND or self._has_moved(demand, mode)
 
     def may_count(self, demand: int, mode: int | None) -> bool:
         """Whether a trusted ``demand`` may be the set-point in this mode; True if its value at the mode change is unknown."""
@@ -180,18 +180,22 @@ class ReferenceTracker:
         past = (position - target) * self.rate / (abs(self.rate) or 1)
         if lead is not None:
             return past > 0.0
-        way, late = self._braking_distance(rests), _ON_ITS_WAY * abs(self.rate)
-        return past > 0.0 and way is not None and way / _BRAKES - late <= past <= way * _BRAKES + late
+        distance, late = self._braking_distance(rests), _ON_ITS_WAY * abs(self.rate)
+        return (
+            past > 0.0
+            and distance is not None
+            and distance / _BRAKES - late <= past <= distance * _BRAKES + late
+        )
 
     def _braking_distance(self, rests: float) -> float | None:
         """Return the distance of a quick stop from the last target, by its ramp, else by its time; None if it is unknown."""
         if self._quick:
             return 0.5 * self.rate * self.rate / self._quick
-        if self._left_at is None or not self._left_at < rests < math.inf:
+        if self._targets_ended_at is None or not self._targets_ended_at < rests < math.inf:
             return None
-        return 0.5 * abs(self.rate) * (rests - self._left_at) / self._period
+        return 0.5 * abs(self.rate) * (rests - self._targets_ended_at) / self._period
 
-    def _lives(self, demand: int, mode: int | None) -> bool:
+    def _has_moved(self, demand: int, mode: int | None) -> bool:
         """Whether 6062h has moved since the drive changed to its present mode."""
         if mode != self._mode:
             return False
@@ -240,7 +244,7 @@ class DemandTrust:
         self._given: deque[int] = deque(maxlen=_SET_POINTS)
         self.begin()
 
-    def believes(self, mode: int | None) -> bool:
+    def trusts(self, mode: int | None) -> bool:
         """Whether the demand counts in this mode."""
         return self._use is not DemandUse.IGNORE and (self.everywhere or mode in self.proven)
 
@@ -255,7 +259,7 @@ class DemandTrust:
         self._given.clear()
         self.begin()
 
-    def gives(self, set_point: int) -> None:
+    def add_set_point(self, set_point: int) -> None:
         """Record a set-point given to the drive (unwrapped increments)."""
         self._given.append(set_point)
 

@@ -61,7 +61,7 @@ class BlendedMoves(Follow):
 
     def adopt_move(self, progress: MoveProgress, before: CspMove) -> None:
         """Take over an active move as the first command: from the last target of ``before``, on the time scale of that move."""
-        self._use_profile(profile_of_move(progress.way))
+        self._use_profile(profile_of_move(progress.profile))
         self.resume(before)
         self.clock = self._time = progress.clock
         self.shifted = before.shifted
@@ -159,7 +159,7 @@ class BlendedMoves(Follow):
             self._ends.mark(part.ticket, profile.passed_at(transition))
 
     def _command_profile(self, profile: BlendedProfile) -> None:
-        self.lead_on(profile)
+        self.replace_trajectory(profile)
 
     def _pass_ends(self, profile: BlendedProfile) -> None:
         """End the commands whose ends the axis has passed; the profile keeps the transitions that were ahead at planning."""

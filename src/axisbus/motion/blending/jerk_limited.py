@@ -33,29 +33,34 @@ _RATE_MARGIN = 0.85
 class SmoothedProfile:
     """Advances along a profile and stores its last times and positions. Is the clock of its axis: ``t`` is the time of the mean."""
 
-    __slots__ = ("_places", "_times", "braking", "led", "profile", "ramp", "t", "time")
+    __slots__ = ("_positions", "_times", "braking", "profile", "ramp", "reference", "t", "time")
 
     def __init__(
-        self, profile: BlendedProfile, places: deque[float], led: ReferenceState, ramp: float, period: float
+        self,
+        profile: BlendedProfile,
+        positions: deque[float],
+        reference: ReferenceState,
+        ramp: float,
+        period: float,
     ) -> None:
-        """``places``: the positions of the last cycles, one per cycle of the mean; the last one is the start of ``profile``.
+        """``positions``: the positions of the last cycles, one per cycle of the mean; the last one is the start of ``profile``.
 
-        ``led``: the commanded state of the axis; ``ramp``: permitted change of the profile's speed, in unit/s².
+        ``reference``: the commanded state of the axis; ``ramp``: permitted change of the profile's speed, in unit/s².
         """
-        window = len(places)
+        window = len(positions)
         self.profile = profile
-        self.led = led
+        self.reference = reference
         self.ramp = ramp
         self.time = PathClock()
         self.braking = False
-        self._places = places
+        self._positions = positions
         self._times = deque((-number * period for number in range(window - 1, -1, -1)), maxlen=window)
         self.t = sum(self._times) / window
 
     @property
     def window(self) -> int:
         """The number of cycles in the mean."""
-        return len(self._places)
+        return len(self._positions)
 
     @property
     def stopped(self) -> bool:
@@ -78,19 +83,25 @@ class SmoothedProfile:
     def advance(self, period: float) -> None:
         """Advance by one cycle of ``period`` seconds."""
         self.time.advance(period)
-        t, times, before = min(self.time.t, self.profile.duration), self._times, self.led
+        t, times, before = min(self.time.t, self.profile.duration), self._times, self.reference
         times.append(t)
-        self._places.append(self.profile.position(t))
+        self._positions.append(self.profile.position(t))
         self.t = t if times[0] == t else sum(times) / len(times)
-        place = self._places[-1] if self._is_at_rest else sum(self._places) / len(self._places)
-        velocity = (place - before.place) / period
-        self.led = ReferenceState(place, velocity, (velocity - before.velocity) / period)
+        position = self._positions[-1] if self._is_at_rest else sum(self._positions) / len(self._positions)
+        velocity = (position - before.position) / period
+        self.reference = ReferenceState(position, velocity, (velocity - before.velocity) / period)
 
-    def walk(self, target: float, gait: JerkLimits, by: float) -> OnlineProfile:
+    def online_profile(self, target: float, jerk_limits: JerkLimits, by: float) -> OnlineProfile:
         """Return a profile that continues from here to ``target``, with all positions shifted by ``by``."""
-        places = deque((place + by for place in self._places), maxlen=self.window)
+        positions = deque((position + by for position in self._positions), maxlen=self.window)
         speed = self.profile.speed(self.time.t) * self.time.rate
-        return OnlineProfile(target, gait, places, speed, self.led._replace(place=self.led.place + by))
+        return OnlineProfile(
+            target,
+            jerk_limits,
+            positions,
+            speed,
+            self.reference._replace(position=self.reference.position + by),
+        )
 
     @property
     def _is_at_rest(self) -> bool:
@@ -113,7 +124,7 @@ class _SmoothedTrajectory:
 
     def position(self, _t: float) -> float:
         """Return the commanded position of this cycle."""
-        return self.smoothed.led.place
+        return self.smoothed.reference.position
 
 
 class JerkLimitedBlendedMoves(BlendedMoves):
@@ -137,21 +148,23 @@ class JerkLimitedBlendedMoves(BlendedMoves):
         """The commanded acceleration (unit/s²)."""
         smoothed = self.smoothed
         is_commanded = smoothed is not None and self.clock is smoothed and self._addition is None
-        return smoothed.led.acceleration if smoothed is not None and is_commanded else super().acceleration
+        return (
+            smoothed.reference.acceleration if smoothed is not None and is_commanded else super().acceleration
+        )
 
-    def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
+    def continued_to(self, target: float, jerk_limits: JerkLimits) -> OnlineProfile | None:
         """Return a profile that continues from here to ``target``; None if the smoothed profile does not command the axis."""
         smoothed = self.smoothed
         if smoothed is None or self.clock is not smoothed or self._addition is not None:
             return None
-        return smoothed.walk(target, gait, self.shifted)
+        return smoothed.online_profile(target, jerk_limits, self.shifted)
 
     def adopt_jerk_limited_move(self, move_profile: ProfileFromSpeed, before: JerkLimitedMove) -> None:
         """Take over an active move as the first command: ``move_profile`` is the unsmoothed profile of ``before``."""
-        walk = before.walk
-        assert walk is not None
+        online_profile = before.online_profile
+        assert online_profile is not None
         profile = profile_of_move(move_profile, self._mean)
-        self._begin_smoothing(profile, walk.places, walk.led)
+        self._begin_smoothing(profile, online_profile.positions, online_profile.reference)
         self._use_profile(profile)
         self.resume(before)
         self.shifted, self._deadline = before.shifted, before.deadline
@@ -180,21 +193,25 @@ class JerkLimitedBlendedMoves(BlendedMoves):
         smoothed = self.smoothed
         if smoothed is not None:
             smoothed.profile, smoothed.ramp = profile, self._least_ramp
-            self.lead_on(self._trajectory_of(smoothed))
+            self.replace_trajectory(self._trajectory_of(smoothed))
             return
         here = profile.position(0.0)
         self._begin_smoothing(
             profile, deque([here] * self._window, maxlen=self._window), ReferenceState(here)
         )
 
-    def _begin_smoothing(self, profile: BlendedProfile, places: deque[float], led: ReferenceState) -> None:
-        self.smoothed = smoothed = SmoothedProfile(profile, places, led, self._least_ramp, self._period)
+    def _begin_smoothing(
+        self, profile: BlendedProfile, positions: deque[float], reference: ReferenceState
+    ) -> None:
+        self.smoothed = smoothed = SmoothedProfile(
+            profile, positions, reference, self._least_ramp, self._period
+        )
         self.guide_by(smoothed, self._trajectory_of(smoothed))
 
     def _trajectory_of(self, smoothed: SmoothedProfile) -> _SmoothedTrajectory:
         profile = smoothed.profile
         low, high = profile.span
-        span = min(low, smoothed.led.place), max(high, smoothed.led.place)
+        span = min(low, smoothed.reference.position), max(high, smoothed.reference.position)
         return _SmoothedTrajectory(
             smoothed, span, profile.top_speed, profile.top_acceleration, profile.duration
         )

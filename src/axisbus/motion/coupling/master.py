@@ -57,7 +57,7 @@ class Master:
         if core.state in _UNKNOWN or image.position is None or not image.operational:
             raise self._lost()
         before, self._target = self._target, self._last_target()
-        path = core.leading_path
+        path = core.active_path
         if self._master_value is not MasterValue.COMMAND or (path is None and self._target is None):
             self._use_reported()
         elif path is not None:
@@ -84,7 +84,7 @@ class Master:
         core = self.core
         if core.parameters.encoder:
             return None
-        return core.image.position if core.parameters.virtual else core.image.led.target
+        return core.image.position if core.parameters.virtual else core.image.reference_tracker.target
 
     @property
     def _moved(self) -> float:

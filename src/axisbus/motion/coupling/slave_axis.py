@@ -81,7 +81,7 @@ class Coupled(Follow):
     Its command ends as done when the slave is synchronised; the slave then continues to follow its master.
     """
 
-    goes_on = True
+    keeps_moving = True
     ends_at_rest = False
 
     def __init__(
@@ -164,12 +164,12 @@ class Coupled(Follow):
         self._source.begin_commanding(units.to_units(self.reference(image) - image.origin), 0.0)
         super()._start(image)
 
-    def _go_to(self, value: float) -> None:
+    def _record_step(self, value: float) -> None:
         if self._step is not None and not self.clock.braking and self._limits is not None:
             stop = self._stop_outside(value, self._limits)
             if stop is not None:
                 raise self._leaves_limits(value, stop)
-        super()._go_to(value)
+        super()._record_step(value)
 
     def _stop_outside(self, value: float, limits: PositionRange) -> float | None:
         """Return the position to which the axis would brake if that is outside its limits; the master's next motion is unknown."""
@@ -183,7 +183,7 @@ class Coupled(Follow):
         name, unit, limits = self._parameters.name, self._parameters.units.position.unit, self._edges
         seen = f"at {value:g} {unit}, with {speed:g} {unit}/s, it would stop at {stop:g} {unit}"
         if limits is None:
-            return self._leaves_count("the motion of its master", seen, "braked")
+            return self._count_exceeded("the motion of its master", seen, "braked")
         return LimitError(
             f"{name}: the motion of its master would take it out of the position limits",
             observed=f"{seen}; the allowed range is {limits[0]:g} to {limits[1]:g}",
@@ -191,7 +191,7 @@ class Coupled(Follow):
             f"[axes.{name}] of cell.toml; the axis was braked, to stop within them",
         )
 
-    def _too_much(self, found: LimitExceeded, _: float) -> LimitError:
+    def _limit_exceeded(self, found: LimitExceeded, _: float) -> LimitError:
         name = self._parameters.name
         return LimitError(
             f"{name}: the motion of its master would make it {found.what}",
@@ -204,7 +204,7 @@ class Coupled(Follow):
 class Disengaged(Follow):
     """An axis that has left its master, and continues at its last velocity (MC_GearOut)."""
 
-    goes_on = True
+    keeps_moving = True
     ends_at_rest = False
     foresees = False
 

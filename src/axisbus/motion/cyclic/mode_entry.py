@@ -10,7 +10,7 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.interpolation import CyclicSetup
-from axisbus.motion.moves.mode_switch import Lead, ModeSwitch
+from axisbus.motion.moves.mode_switch import ModeSwitch, SourceStep
 from axisbus.motion.moves.prepare import RampTransfers
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
@@ -27,12 +27,12 @@ class ModeEntry:
         parameters: AxisParameters,
         gate: StartBarrier,
         writes: Sequence[tuple[int, int, int | None]] = (),
-        lead: Lead | None = None,
+        step_source: SourceStep | None = None,
     ) -> None:
-        """``writes``: (index, sub-index, value), written before the mode change. ``lead``: sends set-points during the change."""
+        """``writes``: (index, sub-index, value), written before the mode change. ``step_source``: sends set-points meanwhile."""
         self._setup = CyclicSetup(parameters, f"follow set-points in {mode.text} mode")
         self.ramps = RampTransfers(writes, parameters)
-        self._mode = ModeSwitch(mode, parameters, lead)
+        self._mode = ModeSwitch(mode, parameters, step_source)
         self._gate = gate
         self._is_ready = False
 

@@ -17,7 +17,7 @@ from axisbus.motion.axis.image import AxisImage
 
 
 class VelocityRamp:
-    """Commands an axis in csv (``Leading``); holds the velocity sent last and its target, in velocity increments."""
+    """Commands an axis in csv (``SetPointSource``); holds the velocity sent last and its target, in velocity increments."""
 
     mode = ModeOfOperation.CYCLIC_SYNC_VELOCITY
 
@@ -64,21 +64,21 @@ class VelocityRamp:
 
 
 class TorqueRamp:
-    """Commands an axis in cst (``Leading``); holds the torque sent last and its target, in 0.1 % of rated torque."""
+    """Commands an axis in cst (``SetPointSource``); holds the torque sent last and its target, in 0.1 % of rated torque."""
 
     mode = ModeOfOperation.CYCLIC_SYNC_TORQUE
 
-    def __init__(self, torque: float, slope: float, period: float, *, lets_go: bool) -> None:
+    def __init__(self, torque: float, slope: float, period: float, *, halt_removes_torque: bool) -> None:
         """``torque``: the present one. ``slope`` in 0.1 % per s, above 0; ``period`` in seconds.
 
-        ``lets_go``: a halt reduces the torque to 0. Otherwise the torque must hold a load or brake, and the stop sequence does that
-        instead.
+        ``halt_removes_torque``: a halt reduces the torque to 0. Otherwise the torque must hold a load or brake, and the stop
+        sequence does that instead.
         """
         self.torque = torque
         self._target = torque
         self._slope = slope
         self._period = period
-        self._lets_go = lets_go
+        self._halt_removes_torque = halt_removes_torque
 
     @property
     def at_target(self) -> bool:
@@ -96,9 +96,9 @@ class TorqueRamp:
 
     def begin_braking(self) -> bool:
         """Reduce the torque to 0 on its slope; return whether a halt of this axis works in this manner. May be repeated."""
-        if self._lets_go:
+        if self._halt_removes_torque:
             self._target = 0.0
-        return self._lets_go
+        return self._halt_removes_torque
 
     def step(self, _image: AxisImage, order: CycleOutputs) -> bool:
         """Write the torque of this cycle; return True when it is the requested one."""

@@ -10,7 +10,7 @@ from axisbus.motion.cyclic.mode_entry import ModeEntry
 from axisbus.motion.cyclic.ramps import TorqueRamp
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.moves.activity import Activity
-from axisbus.motion.moves.continuous_motion import TORQUE_FLOOR, TORQUE_SHARE, pushed, torque_missed
+from axisbus.motion.moves.continuous_motion import TORQUE_FLOOR, TORQUE_SHARE, motion_by_torque, torque_missed
 from axisbus.motion.moves.prepare import slow_ramp_writes
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters
@@ -27,8 +27,8 @@ class CyclicTorqueMove(Activity):
 
     mode = ModeOfOperation.CYCLIC_SYNC_TORQUE
     ramp = TorqueRamp
-    goes_on = True
-    course = CommandedMotion(by_torque=True)
+    keeps_moving = True
+    commanded = CommandedMotion(by_torque=True)
 
     def __init__(
         self,
@@ -41,9 +41,11 @@ class CyclicTorqueMove(Activity):
         self._parameters = parameters
         writes = slow_ramp_writes(parameters, by_torque=True)
         fresh = before is None
-        self._ready = ModeEntry(self.mode, parameters, gate, writes, self._keep) if fresh else None
+        self._mode_entry = (
+            ModeEntry(self.mode, parameters, gate, writes, self._keep_torque) if fresh else None
+        )
         self._ramp = before
-        self._held: int | None = None  # the torque that was sent while the mode changed
+        self._torque_before: int | None = None  # the torque that was sent while the mode changed
         self.aim(command)
 
     def aim(self, command: CyclicTorque) -> None:
@@ -55,16 +57,16 @@ class CyclicTorqueMove(Activity):
             self._ramp.aim(command.torque, command.slope)
 
     @property
-    def leading(self) -> TorqueRamp | None:
+    def set_point_source(self) -> TorqueRamp | None:
         """The ramp that commands the axis; None before it has begun."""
         return self._ramp
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the torque is reached; keeps the torque if called afterwards."""
-        if self._ready is not None and not self._ready.step(image, order):
-            self._held = self._held if order.target_torque is None else order.target_torque
+        if self._mode_entry is not None and not self._mode_entry.step(image, order):
+            self._torque_before = self._torque_before if order.target_torque is None else order.target_torque
             return False
-        ramp = self._begun(image)
+        ramp = self._active_ramp(image)
         # Before the ramp advances: if this raises, the axis is stopped in this cycle, from the previous torque.
         self._watch(image, ramp)
         ramp.step(image, order)
@@ -78,29 +80,32 @@ class CyclicTorqueMove(Activity):
     @property
     def in_flight(self) -> SetPoint | None:
         """The unfinished handshake of the change of mode."""
-        return None if self._ready is None else self._ready.in_flight
+        return None if self._mode_entry is None else self._mode_entry.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel queued transfers."""
-        if self._ready is not None:
-            self._ready.cancel(order)
+        if self._mode_entry is not None:
+            self._mode_entry.cancel(order)
 
-    def _keep(self, image: AxisImage, order: CycleOutputs) -> None:
+    def _keep_torque(self, image: AxisImage, order: CycleOutputs) -> None:
         """While the mode changes, send the torque that the axis had before."""
-        if self._held is None:
-            self._held = image.torque
-        order.target_torque = self._held or 0
+        if self._torque_before is None:
+            self._torque_before = image.torque
+        order.target_torque = self._torque_before or 0
 
-    def _begun(self, image: AxisImage) -> TorqueRamp:
-        ready, self._ready = self._ready, None
+    def _active_ramp(self, image: AxisImage) -> TorqueRamp:
+        mode_entry, self._mode_entry = self._mode_entry, None
         if self._ramp is None:
             parameters, command = self._parameters, self._command
-            if ready is not None:
-                self.course = pushed(ready.ramps)
-            present = self._held if self._held is not None else image.torque
-            lets_go = not parameters.halts_torque_by_mode
+            if mode_entry is not None:
+                self.commanded = motion_by_torque(mode_entry.ramps)
+            present = self._torque_before if self._torque_before is not None else image.torque
+            halt_removes_torque = not parameters.halts_torque_by_mode
             self._ramp = TorqueRamp(
-                float(present or 0), command.slope, parameters.scan_period, lets_go=lets_go
+                float(present or 0),
+                command.slope,
+                parameters.scan_period,
+                halt_removes_torque=halt_removes_torque,
             )
             self._ramp.aim(command.torque, command.slope)
         return self._ramp

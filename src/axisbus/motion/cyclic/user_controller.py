@@ -45,12 +45,12 @@ class ControllerOutputBuffer:
         """The newest output; None before the first one and after the controller has failed."""
         return None if self._newest is None or self._newest.failure else self._newest.value
 
-    def take(self, answer: ControllerOutput) -> bool:
+    def take(self, output: ControllerOutput) -> bool:
         """Accept an output; return whether it belongs to this controller."""
-        if answer.number != self._number:
+        if output.number != self._number:
             return False
-        if self._newest is None or answer.cycle > self._newest.cycle or answer.failure:
-            self._newest = answer
+        if self._newest is None or output.cycle > self._newest.cycle or output.failure:
+            self._newest = output
         return True
 
     def due(self, now: float) -> int | None:
@@ -96,7 +96,7 @@ class ControllerOutputBuffer:
         )
 
 
-class VelocityAnswered(CyclicVelocityMove):
+class ControlledVelocityMove(CyclicVelocityMove):
     """An axis at the velocity of a user's controller; the command never ends as done."""
 
     def __init__(
@@ -108,31 +108,31 @@ class VelocityAnswered(CyclicVelocityMove):
     ) -> None:
         """As ``CyclicVelocityMove``; an axis that moves already keeps its velocity until the first output."""
         assert isinstance(command.by, CyclicVelocity)
-        self.answers = ControllerOutputBuffer(command, parameters.name)
+        self.output_buffer = ControllerOutputBuffer(command, parameters.name)
         by = command.by if before is None else replace(command.by, velocity=round(before.velocity))
         super().__init__(by, parameters, gate, before)
 
-    def take(self, answer: ControllerOutput) -> bool:
+    def take(self, output: ControllerOutput) -> bool:
         """Accept an output; return whether it belongs to this controller."""
-        if not self.answers.take(answer):
+        if not self.output_buffer.take(output):
             return False
-        velocity = self.answers.newest
-        if self._ready is None and velocity is not None:
+        velocity = self.output_buffer.newest
+        if self._mode_entry is None and velocity is not None:
             self.aim(replace(self._command, velocity=velocity))
         return True
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Advance by one cycle; never True."""
-        if self._ready is None:
-            self.answers.due(image.now)
+        if self._mode_entry is None:
+            self.output_buffer.due(image.now)
         super().step(image, order)
         return False
 
     def _watch(self, image: AxisImage, _ramp: VelocityRamp) -> None:
-        self._look_for_a_jam(image)
+        self._check_resistance(image)
 
 
-class TorqueAnswered(CyclicTorqueMove):
+class ControlledTorqueMove(CyclicTorqueMove):
     """An axis at the torque of a user's controller; the command never ends as done."""
 
     def __init__(
@@ -144,26 +144,26 @@ class TorqueAnswered(CyclicTorqueMove):
     ) -> None:
         """As ``CyclicTorqueMove``; the axis keeps its torque until the first output."""
         assert isinstance(command.by, CyclicTorque)
-        self.answers = ControllerOutputBuffer(command, parameters.name)
+        self.output_buffer = ControllerOutputBuffer(command, parameters.name)
         by = command.by if before is None else replace(command.by, torque=round(before.torque))
         super().__init__(by, parameters, gate, before)
 
-    def take(self, answer: ControllerOutput) -> bool:
+    def take(self, output: ControllerOutput) -> bool:
         """Accept an output; return whether it belongs to this controller."""
-        return self.answers.take(answer)
+        return self.output_buffer.take(output)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Advance by one cycle; never True."""
-        if self._ready is None:
-            torque = self.answers.due(image.now)
+        if self._mode_entry is None:
+            torque = self.output_buffer.due(image.now)
             if torque is not None:
                 self.aim(replace(self._command, torque=torque))
         super().step(image, order)
         return False
 
-    def _begun(self, image: AxisImage) -> TorqueRamp:
+    def _active_ramp(self, image: AxisImage) -> TorqueRamp:
         is_first = self._ramp is None
-        ramp = super()._begun(image)
+        ramp = super()._active_ramp(image)
         if is_first:
             self.aim(replace(self._command, torque=round(ramp.torque)))
         return ramp

@@ -22,7 +22,7 @@ from axisbus.motion.moves.prepare import slow_ramp_writes
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.override import scaled
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.velocity_following import led_way
+from axisbus.motion.stop.velocity_following import master_ramp_tracker
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 _FILTER = 0.2  # weight of a new sample in the mean of a noisy velocity
@@ -37,7 +37,7 @@ class CyclicVelocityMove(Activity):
 
     mode = ModeOfOperation.CYCLIC_SYNC_VELOCITY
     ramp = VelocityRamp
-    goes_on = True
+    keeps_moving = True
 
     def __init__(
         self,
@@ -49,9 +49,9 @@ class CyclicVelocityMove(Activity):
         """``before``: the ramp that commands the axis in csv already; None: the axis is at standstill and changes to csv first."""
         self._parameters = parameters
         writes = slow_ramp_writes(parameters)
-        self._ready = None if before is not None else ModeEntry(self.mode, parameters, gate, writes)
+        self._mode_entry = None if before is not None else ModeEntry(self.mode, parameters, gate, writes)
         self._ramp = before
-        self._way = led_way(parameters)
+        self._ramp_tracker = master_ramp_tracker(parameters)
         self._mean: float | None = None
         self._factor = 1.0  # the override of the requested velocity
         self.aim(command)
@@ -66,23 +66,23 @@ class CyclicVelocityMove(Activity):
         command, scale = self._command, self._parameters.units.per_velocity
         up, down = abs(command.acceleration * scale), abs(command.deceleration * scale)
         self._target = scaled(command.velocity, self._factor, self._parameters)
-        self.course = CommandedMotion(self._target * scale, up, down, by_core=True)
+        self.commanded = CommandedMotion(self._target * scale, up, down, by_core=True)
         self._deadline: float | None = None
         self.reached = False
         if self._ramp is not None:
             self._ramp.aim(self._target, command.acceleration, command.deceleration)
 
     @property
-    def leading(self) -> VelocityRamp | None:
+    def set_point_source(self) -> VelocityRamp | None:
         """The ramp that commands the axis; None before it has begun."""
         return self._ramp
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the velocity is reached, unless an override of 0 holds it; keeps the velocity if called afterwards."""
         self.override(image)
-        if self._ready is not None and not self._ready.step(image, order):
+        if self._mode_entry is not None and not self._mode_entry.step(image, order):
             return False
-        ramp = self._begun()
+        ramp = self._active_ramp()
         # Before the ramp advances: if this raises, the axis brakes in this cycle, from the previous velocity.
         self._watch(image, ramp)
         ramp.step(image, order)
@@ -98,15 +98,15 @@ class CyclicVelocityMove(Activity):
     @property
     def in_flight(self) -> SetPoint | None:
         """The unfinished handshake of the change of mode."""
-        return None if self._ready is None else self._ready.in_flight
+        return None if self._mode_entry is None else self._mode_entry.in_flight
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel queued transfers."""
-        if self._ready is not None:
-            self._ready.cancel(order)
+        if self._mode_entry is not None:
+            self._mode_entry.cancel(order)
 
-    def _begun(self) -> VelocityRamp:
-        self._ready = None
+    def _active_ramp(self) -> VelocityRamp:
+        self._mode_entry = None
         if self._ramp is None:
             command = self._command
             self._ramp = VelocityRamp(
@@ -122,19 +122,19 @@ class CyclicVelocityMove(Activity):
             self.reached = ramp.at_target and self._in_velocity(image)
             if not self.reached and image.now > self._deadline:
                 raise velocity_missed(image, self._parameters, self._target)
-        self._look_for_a_jam(image)
+        self._check_resistance(image)
 
-    def _look_for_a_jam(self, image: AxisImage) -> None:
+    def _check_resistance(self, image: AxisImage) -> None:
         resisted = is_resisted(image, self._target)
         self.resisted_since = min(self.resisted_since, image.now) if resisted else math.inf
 
     def _follow(self, image: AxisImage, ramp: VelocityRamp) -> None:
         """Compare the actual motion with the commanded velocities, to supervise the following error."""
-        if self._way is not None:
-            self._way.aim(ramp.velocity)
-            self._way.step(image)
-            self.behind, self.led_speed = self._way.behind, abs(self._way.speed)
-            self.lag = self._way.lag
+        if self._ramp_tracker is not None:
+            self._ramp_tracker.aim(ramp.velocity)
+            self._ramp_tracker.step(image)
+            self.behind, self.commanded_speed = self._ramp_tracker.behind, abs(self._ramp_tracker.speed)
+            self.lag = self._ramp_tracker.lag
 
     def _in_velocity(self, image: AxisImage) -> bool:
         """Return whether the measured velocity, or its mean if it is noisy, is in tolerance, and more than half of the target."""

@@ -56,7 +56,7 @@ class SkewStop:
         failing = self._monitor.failing()
         self._stopping = True
         for core in failing:
-            path = core.leading_path
+            path = core.active_path
             if path is not None and len(failing) == len(self._axes):
                 path.brakes_along = True
             core.break_off(copy(error))
@@ -68,9 +68,9 @@ class SkewStop:
         halting = [
             core
             for core in self._axes.values()
-            if core.ladder is not None and core.ladder.rung is StopLevel.HALT
+            if core.stop_sequence is not None and core.stop_sequence.level is StopLevel.HALT
         ]
-        if halting and any(core.leading_path is not None for core in self._axes.values()):
+        if halting and any(core.active_path is not None for core in self._axes.values()):
             return
         self._stopping = False
         if self._monitor.skew is not None and abs(self._monitor.skew) > self._monitor.bound:

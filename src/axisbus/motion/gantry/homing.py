@@ -228,7 +228,7 @@ class GantryHoming:
         for core in self._axes.values():
             if core.state is AxisState.ERRORSTOP and core.error is not None:
                 raise copy(core.error)
-            if core.ladder is not None and core.stopping.reason != reason:
+            if core.stop_sequence is not None and core.stopping.reason != reason:
                 raise Stopped(core.stopping.reason)
             if core.state is not AxisState.STANDSTILL and not reason:
                 raise StateError(f"{self.name}: {core.parameters.name} is {core.state.value}")

@@ -104,7 +104,7 @@ class SkewMonitor:
         """Return the axes that a skew error must stop; an axis that is being stopped because the other has failed is left out."""
         both = (self._first, self._second)
         healthy = [core for core in both if core.state is not AxisState.ERRORSTOP]
-        return [core for core in healthy if len(healthy) == len(both) or core.ladder is None]
+        return [core for core in healthy if len(healthy) == len(both) or core.stop_sequence is None]
 
     def error(self, what: str) -> SkewError:
         """Return the error: the beam is out of square, or its skew is unknown. ``what``: what happened because of it."""

@@ -350,7 +350,7 @@ class GroupCore:
     def _require_no_stop(self, names: Sequence[str], ticket: CommandStatus) -> None:
         """Raise StateError if an axis is being stopped: after a halt, no command begins automatically."""
         for name in names:
-            if self.axes[name].ladder is not None:
+            if self.axes[name].stop_sequence is not None:
                 raise StateError(
                     f"{ticket.name}: {name} is being halted", remedy="wait until it is at standstill"
                 )

@@ -202,7 +202,7 @@ class ActiveGroupCommand:
                 continue
             if core.state is AxisState.ERRORSTOP:
                 return None if core.error is None else _copy_of(core.error)
-            if core.ladder is not None or core.state is AxisState.DISABLED:
+            if core.stop_sequence is not None or core.state is AxisState.DISABLED:
                 return Stopped(f"{name}: {axis} was stopped before the other axes had reached their ends")
             other = core.running.ticket
             if other not in (None, child) and not isinstance(core.activity, EnableActivity):

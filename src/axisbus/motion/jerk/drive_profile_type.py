@@ -32,12 +32,12 @@ class ProfileType:
         self.is_changed = False
 
 
-def has_shape(parameters: AxisParameters) -> bool:
+def has_jerk_objects(parameters: AxisParameters) -> bool:
     """Whether a drive has the objects that limit the jerk of its own profiles."""
     return all(parameters.has(index) for index in NEEDED)
 
 
-class _Ask(SdoTransfers):
+class _OptionalTransfer(SdoTransfers):
     """One transfer, whose refusal is a valid answer."""
 
     __slots__ = ("refused",)
@@ -61,19 +61,23 @@ class _Ask(SdoTransfers):
 class JerkProfileWritten(SdoTransfers):
     """The transfers of a profile, then those of its shape, one after the other; ``jerk`` None: linear ramps."""
 
-    __slots__ = ("_asking", "_jerk", "_left", "_parameters", "_plain", "_type")
+    __slots__ = ("_jerk", "_parameters", "_profile_transfers", "_remaining", "_running", "_type")
 
     def __init__(
-        self, plain: SdoTransfers, jerk: int | None, kept: ProfileType, parameters: AxisParameters
+        self,
+        profile_transfers: SdoTransfers,
+        jerk: int | None,
+        profile_type: ProfileType,
+        parameters: AxisParameters,
     ) -> None:
-        """``jerk`` in the representation of 60A4h:01; ``kept``: the profile type of the axis."""
+        """``jerk`` in the representation of 60A4h:01; ``profile_type``: the profile type of the axis."""
         super().__init__([], parameters)
-        self._plain = plain
+        self._profile_transfers = profile_transfers
         self._jerk = jerk
-        self._type = kept
+        self._type = profile_type
         self._parameters = parameters
-        self._asking: tuple[str, tuple[int, int, int | None], _Ask] | None = None
-        self._left = self._steps()
+        self._running: tuple[str, tuple[int, int, int | None], _OptionalTransfer] | None = None
+        self._remaining = self._steps()
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when all transfers have succeeded.
@@ -81,23 +85,23 @@ class JerkProfileWritten(SdoTransfers):
         Raises:
             DriveError: the drive refused a transfer, did not answer in time, or has a value other than the written one.
         """
-        if not self._plain.step(image, order):
+        if not self._profile_transfers.step(image, order):
             return False
-        while self._left or self._asking is not None:
-            if self._asking is None:
-                what, item = self._left.pop(0)
-                self._asking = what, item, _Ask(item, self._parameters)
-            if not self._asking[2].step(image, order):
+        while self._remaining or self._running is not None:
+            if self._running is None:
+                what, item = self._remaining.pop(0)
+                self._running = what, item, _OptionalTransfer(item, self._parameters)
+            if not self._running[2].step(image, order):
                 return False
-            answered, self._asking = self._asking, None
+            answered, self._running = self._running, None
             self._take_answer(*answered)
         return True
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the transfers that are still queued."""
-        self._plain.cancel(order)
-        if self._asking is not None:
-            self._asking[2].cancel(order)
+        self._profile_transfers.cancel(order)
+        if self._running is not None:
+            self._running[2].cancel(order)
 
     def _steps(self) -> list[tuple[str, tuple[int, int, int | None]]]:
         if self._jerk is None:
@@ -111,19 +115,19 @@ class JerkProfileWritten(SdoTransfers):
             ("read", (*_JERK, None)),
         ]
 
-    def _take_answer(self, what: str, item: tuple[int, int, int | None], asked: _Ask) -> None:
+    def _take_answer(self, what: str, item: tuple[int, int, int | None], transfer: _OptionalTransfer) -> None:
         index, subindex, value = item
-        if what == "type" and asked.refused is not None and value == _LIMITED[0]:
-            self._left.insert(0, ("type", (*_TYPE, _LIMITED[1])))
+        if what == "type" and transfer.refused is not None and value == _LIMITED[0]:
+            self._remaining.insert(0, ("type", (*_TYPE, _LIMITED[1])))
             return
-        if asked.refused is not None:
-            raise self._not_taken(item, f"abort code {abort.describe(asked.refused)}")
-        found = asked.values.get((index, subindex))
+        if transfer.refused is not None:
+            raise self._not_taken(item, f"abort code {abort.describe(transfer.refused)}")
+        found = transfer.values.get((index, subindex))
         if what == "before":
             self._type.before = found
         elif what == "type":
             self._type.is_changed = True
-            self._left.append((f"read {value}", (*_TYPE, None)))
+            self._remaining.append((f"read {value}", (*_TYPE, None)))
         elif what == "back":
             self._type.is_changed = False
         elif what == "read" and found != self._jerk:

@@ -23,7 +23,7 @@ from axisbus.motion.jerk.online_profile import (
     ProfileState,
     ReferenceState,
     VelocityRamps,
-    walk_from,
+    online_profile_from,
 )
 from axisbus.motion.jerk.velocity import JerkLimitedVelocity, ramps_of, settled_from
 from axisbus.motion.moves.csp_move import CspMove
@@ -35,10 +35,10 @@ from axisbus.motion.parameters import AxisParameters
 
 
 @dataclass(frozen=True, slots=True)
-class _Walked:
+class _OnlineTrajectory:
     """The set-points of an ``OnlineProfile`` as a trajectory; only the present position is available."""
 
-    walk: OnlineProfile
+    online_profile: OnlineProfile
     span: tuple[float, float]
     top_speed: float
     top_acceleration: float
@@ -46,7 +46,7 @@ class _Walked:
 
     def position(self, _t: float) -> float:
         """Return the position of this cycle."""
-        return self.walk.led.place
+        return self.online_profile.reference.position
 
 
 class JerkLimitedMove(CspMove):
@@ -73,25 +73,25 @@ class JerkLimitedMove(CspMove):
         assert profile.speed
         assert profile.ramp
         speed, limit = profile.speed / unit, parameters.limits.velocity or math.inf
-        self._gait = JerkLimits(speed, profile.ramp / unit, min(MAX_OVERRIDE * speed, limit))
+        self._jerk_limits = JerkLimits(speed, profile.ramp / unit, min(MAX_OVERRIDE * speed, limit))
         self._ramps = ramps_of(profile, parameters)
-        self._window = window(self._gait.ramp, profile.softness, parameters.scan_period, name)
-        self.walk: OnlineProfile | None = None
+        self._window = window(self._jerk_limits.ramp, profile.softness, parameters.scan_period, name)
+        self.online_profile: OnlineProfile | None = None
 
-    def _go_ahead(self, image: AxisImage) -> None:
-        walk = self.walk
-        if walk is not None:
-            walk.factor = image.override
-            if self._running and self.clock is walk:
-                walk.advance(self._period)
+    def _advance_profile(self, image: AxisImage) -> None:
+        online_profile = self.online_profile
+        if online_profile is not None:
+            online_profile.factor = image.override
+            if self._running and self.clock is online_profile:
+                online_profile.advance(self._period)
         elif self._before is None and self._prepared:
             here = self._units.to_units(self.reference(image) - image.origin)
-            self._walk_from(ReferenceState(here), image.origin)
+            self._begin_from(ReferenceState(here), image.origin)
 
     @property
     def ramp(self) -> float:
         """The acceleration and deceleration of the unfiltered profile, in unit/s²."""
-        return self._gait.ramp
+        return self._jerk_limits.ramp
 
     @property
     def window(self) -> int:
@@ -114,87 +114,129 @@ class JerkLimitedMove(CspMove):
             return True
         return super().begin_braking()
 
-    def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
+    def continued_to(self, target: float, jerk_limits: JerkLimits) -> OnlineProfile | None:
         """Return the profile that commands the axis now, continued to another target, in commanded positions of the axis."""
-        walk = self.walk
-        if walk is None or self.clock is not walk or self._addition is not None:
+        online_profile = self.online_profile
+        if online_profile is None or self.clock is not online_profile or self._addition is not None:
             return None
-        return walk.turned(target, gait, self.shifted)
+        return online_profile.retargeted(target, jerk_limits, self.shifted)
 
-    def going_softly(self) -> ProfileFromSpeed | None:
+    def unfiltered_motion(self) -> ProfileFromSpeed | None:
         """Return how the unfiltered profile moves straight to its end; None if it does not, or does not command the axis now."""
-        walk, gait = self.walk, self._gait
-        is_led = walk is not None and self.clock is walk and self._before is None and self._running
-        if walk is None or not is_led or walk.braking or walk.factor != 1.0 or self._addition is not None:
+        online_profile, jerk_limits = self.online_profile, self._jerk_limits
+        commands_axis = (
+            online_profile is not None
+            and self.clock is online_profile
+            and self._before is None
+            and self._running
+        )
+        if (
+            online_profile is None
+            or not commands_axis
+            or online_profile.braking
+            or online_profile.factor != 1.0
+            or self._addition is not None
+        ):
             return None
-        left, way = walk.target - walk.ahead, braking_distance(walk.speed, gait.ramp)
-        if left * walk.speed < 0.0 or way > abs(left) * (1.0 + 1e-9):
+        left, distance = (
+            online_profile.target - online_profile.ahead,
+            braking_distance(online_profile.speed, jerk_limits.ramp),
+        )
+        if left * online_profile.speed < 0.0 or distance > abs(left) * (1.0 + 1e-9):
             return None
         return ProfileFromSpeed(
-            Start(walk.ahead, walk.speed), walk.target, gait.velocity, gait.ramp, gait.ramp
+            Start(online_profile.ahead, online_profile.speed),
+            online_profile.target,
+            jerk_limits.velocity,
+            jerk_limits.ramp,
+            jerk_limits.ramp,
         )
 
     def plan(self, origin: int) -> ProfileFromSpeed:
         """Return the unfiltered profile to the target, without a jerk limit; the axis needs no more room than this profile."""
-        gait, walk = self._gait, self.walk
-        if walk is None:
+        jerk_limits, online_profile = self._jerk_limits, self.online_profile
+        if online_profile is None:
             assert self._before is not None
-            walk = self._walk_out_of(self._before, origin)
+            online_profile = self._profile_continuing(self._before, origin)
         return ProfileFromSpeed(
-            Start(walk.ahead, walk.speed), self._end(origin), gait.velocity, gait.ramp, gait.ramp
+            Start(online_profile.ahead, online_profile.speed),
+            self._end(origin),
+            jerk_limits.velocity,
+            jerk_limits.ramp,
+            jerk_limits.ramp,
         )
 
     @property
     def acceleration(self) -> float:
         """The present acceleration of the commanded motion (unit/s²)."""
-        walk = self.walk
-        on_walk = walk is not None and self.clock is walk and self._addition is None
-        return walk.led.acceleration if walk is not None and on_walk else super().acceleration
+        online_profile = self.online_profile
+        on_profile = online_profile is not None and self.clock is online_profile and self._addition is None
+        return (
+            online_profile.reference.acceleration
+            if online_profile is not None and on_profile
+            else super().acceleration
+        )
 
     def _end(self, origin: int) -> float:
         return self._units.to_units(self._goal - origin)
 
-    def _walk_out_of(self, before: Follow, origin: int) -> OnlineProfile:
+    def _profile_continuing(self, before: Follow, origin: int) -> OnlineProfile:
         """Return the profile that continues from the path that commands the axis now."""
-        walk = self._same_walk(before, origin)
-        if walk is not None:
-            return walk
-        led = _settled(before, self._ramps, self._period)
-        return walk_from(led, self._end(origin), self._gait, self._window, self._period)
+        online_profile = self._continued_profile(before, origin)
+        if online_profile is not None:
+            return online_profile
+        reference = _settled(before, self._ramps, self._period)
+        return online_profile_from(
+            reference, self._end(origin), self._jerk_limits, self._window, self._period
+        )
 
-    def _same_walk(self, before: Follow, origin: int) -> OnlineProfile | None:
+    def _continued_profile(self, before: Follow, origin: int) -> OnlineProfile | None:
         """Return the profile that continues from the present unfiltered positions; None if their window has another length."""
-        walk = before.walk_to(self._end(origin), self._gait) if isinstance(before, ProfileState) else None
-        return walk if walk is not None and walk.window == self._window else None
+        online_profile = (
+            before.continued_to(self._end(origin), self._jerk_limits)
+            if isinstance(before, ProfileState)
+            else None
+        )
+        return (
+            online_profile if online_profile is not None and online_profile.window == self._window else None
+        )
 
     def _may_follow(self, before: Follow, image: AxisImage) -> bool:
         """Whether it can take over without a jump of the acceleration; otherwise the present path must first reduce it to 0."""
         if isinstance(before, JerkLimitedVelocity):
             return before.settle()
-        if not before.acceleration or self._same_walk(before, image.origin) is not None:
+        if not before.acceleration or self._continued_profile(before, image.origin) is not None:
             return True
         settling = JerkLimitedVelocity(self._profile, self._parameters, OPEN, before)
         self._before = settling
         return settling.settle()
 
     def _take_over(self, before: Follow, image: AxisImage) -> None:
-        self._take(self._walk_out_of(before, image.origin), image.origin)
+        self._take(self._profile_continuing(before, image.origin), image.origin)
         self.resume(before)
         self._before = None
-        assert self.walk is not None
-        self.walk.factor = image.override
-        self.walk.advance(self._period)
+        assert self.online_profile is not None
+        self.online_profile.factor = image.override
+        self.online_profile.advance(self._period)
 
-    def _walk_from(self, led: ReferenceState, origin: int) -> None:
-        self._take(walk_from(led, self._end(origin), self._gait, self._window, self._period), origin)
+    def _begin_from(self, reference: ReferenceState, origin: int) -> None:
+        self._take(
+            online_profile_from(reference, self._end(origin), self._jerk_limits, self._window, self._period),
+            origin,
+        )
 
-    def _take(self, walk: OnlineProfile, origin: int) -> None:
+    def _take(self, online_profile: OnlineProfile, origin: int) -> None:
         """Let a profile command the axis from now on."""
-        self.walk = walk
+        self.online_profile = online_profile
         path = self.plan(origin)
-        places = (*path.span, walk.led.place)
-        speed = max(self._gait.top, abs(walk.speed))
-        self.guide_by(walk, _Walked(walk, (min(places), max(places)), speed, self._gait.ramp))
+        positions = (*path.span, online_profile.reference.position)
+        speed = max(self._jerk_limits.top, abs(online_profile.speed))
+        self.guide_by(
+            online_profile,
+            _OnlineTrajectory(
+                online_profile, (min(positions), max(positions)), speed, self._jerk_limits.ramp
+            ),
+        )
 
 
 def _settled(before: Follow, ramps: VelocityRamps, period: float) -> ReferenceState:

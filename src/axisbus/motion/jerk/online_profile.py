@@ -24,7 +24,7 @@ _LEAST = 1e-9  # of the change within a cycle: a slower speed counts as standsti
 class ReferenceState(NamedTuple):
     """The commanded position, velocity (signed) and acceleration of an axis; unit, per s and per s²."""
 
-    place: float
+    position: float
     velocity: float = 0.0
     acceleration: float = 0.0
 
@@ -41,7 +41,7 @@ class JerkLimits(NamedTuple):
 class ProfileState(Protocol):
     """A path at the moving average of unfiltered positions, which an ``OnlineProfile`` can continue."""
 
-    def walk_to(self, target: float, gait: JerkLimits) -> OnlineProfile | None:
+    def continued_to(self, target: float, jerk_limits: JerkLimits) -> OnlineProfile | None:
         """Return the profile that continues to ``target`` from the commanded state; None if the axis is on another path."""
 
 
@@ -49,29 +49,34 @@ class OnlineProfile:
     """A move to a target. For the axis it is the clock of its path (``Follow``): ``t`` is 0 during the move, and 1 at its end."""
 
     __slots__ = (
-        "_gait",
+        "_jerk_limits",
         "_next",
-        "_places",
+        "_positions",
         "_rests",
         "ahead",
         "braking",
         "factor",
-        "led",
+        "reference",
         "speed",
         "t",
         "target",
     )
 
     def __init__(
-        self, target: float, gait: JerkLimits, places: deque[float], speed: float, led: ReferenceState
+        self,
+        target: float,
+        jerk_limits: JerkLimits,
+        positions: deque[float],
+        speed: float,
+        reference: ReferenceState,
     ) -> None:
-        """``places``: the unfiltered positions of the last cycles, as many as the average has; ``speed``: the last one, signed."""
+        """``positions``: unfiltered positions of the last cycles, as many as in the average; ``speed``: the last one, signed."""
         self.target = target
-        self._gait = gait
-        self._places = places
-        self.ahead, self.speed = places[-1], speed
+        self._jerk_limits = jerk_limits
+        self._positions = positions
+        self.ahead, self.speed = positions[-1], speed
         self._next = _NEXT * max(1.0, abs(target), abs(self.ahead))
-        self.led = led
+        self.reference = reference
         self.factor = 1.0  # the override
         self.braking = False
         self.t = 0.0
@@ -80,21 +85,21 @@ class OnlineProfile:
     @property
     def window(self) -> int:
         """The number of cycles in the moving average."""
-        return len(self._places)
+        return len(self._positions)
 
     @property
-    def places(self) -> deque[float]:
+    def positions(self) -> deque[float]:
         """The unfiltered positions of the last cycles, whose average is the axis's position."""
-        return deque(self._places, maxlen=self.window)
+        return deque(self._positions, maxlen=self.window)
 
     @property
     def stopped(self) -> bool:
         """Whether it is at standstill because it was braked."""
-        return self.braking and self.speed == 0.0 and self.led.place == self.ahead
+        return self.braking and self.speed == 0.0 and self.reference.position == self.ahead
 
     def as_text(self, _t: float) -> str:
         """Return the present position as text for the user."""
-        return f"{self.led.place:g} on its way to {self.target:g}"
+        return f"{self.reference.position:g} on its way to {self.target:g}"
 
     def brake(self) -> None:
         """Begin to brake to rest; a second call changes nothing."""
@@ -102,57 +107,67 @@ class OnlineProfile:
 
     def advance(self, period: float) -> None:
         """Advance by one cycle of ``period`` seconds."""
-        self._go(period)
-        places, ahead, before = self._places, self.ahead, self.led
-        self._rests = self._rests + 1 if ahead == places[-1] else 0
-        places.append(ahead)
-        place = ahead if self._rests >= len(places) - 1 else sum(places) / len(places)
-        velocity = (place - before.place) / period
-        self.led = ReferenceState(place, velocity, (velocity - before.velocity) / period)
-        if place == self.target and ahead == place:
+        self._advance_unfiltered(period)
+        positions, ahead, before = self._positions, self.ahead, self.reference
+        self._rests = self._rests + 1 if ahead == positions[-1] else 0
+        positions.append(ahead)
+        position = ahead if self._rests >= len(positions) - 1 else sum(positions) / len(positions)
+        velocity = (position - before.position) / period
+        self.reference = ReferenceState(position, velocity, (velocity - before.velocity) / period)
+        if position == self.target and ahead == position:
             self.t = 1.0
 
-    def turned(self, target: float, gait: JerkLimits, by: float) -> OnlineProfile:
+    def retargeted(self, target: float, jerk_limits: JerkLimits, by: float) -> OnlineProfile:
         """Return the profile that continues from here to another target, with all positions shifted by ``by``."""
-        places = deque((place + by for place in self._places), maxlen=len(self._places))
-        return OnlineProfile(target, gait, places, self.speed, self.led._replace(place=self.led.place + by))
+        positions = deque((position + by for position in self._positions), maxlen=len(self._positions))
+        return OnlineProfile(
+            target,
+            jerk_limits,
+            positions,
+            self.speed,
+            self.reference._replace(position=self.reference.position + by),
+        )
 
-    def _go(self, period: float) -> None:
+    def _advance_unfiltered(self, period: float) -> None:
         """Advance the unfiltered position."""
-        ramp = self._gait.ramp
-        way = math.copysign(1.0, self.target - self.ahead)
-        left, v, change = abs(self.target - self.ahead), way * self.speed, ramp * period
+        ramp = self._jerk_limits.ramp
+        direction = math.copysign(1.0, self.target - self.ahead)
+        left, v, change = abs(self.target - self.ahead), direction * self.speed, ramp * period
         w = max(v - change, min(v + change, self._wanted, slow_enough(v, 0.0, ramp, left, period)))
         w = 0.0 if abs(w) < _LEAST * change else w
         covered = 0.5 * v * abs(v) / ramp if w == 0.0 and abs(v) < change else 0.5 * (v + w) * period
         if abs(left - covered) <= self._next and abs(w) <= change:
             self.ahead, self.speed = self.target, 0.0
         else:
-            self.ahead, self.speed = self.ahead + way * covered, way * w
+            self.ahead, self.speed = self.ahead + direction * covered, direction * w
 
     @property
     def _wanted(self) -> float:
-        return 0.0 if self.braking else min(self._gait.velocity * self.factor, self._gait.top)
+        return 0.0 if self.braking else min(self._jerk_limits.velocity * self.factor, self._jerk_limits.top)
 
 
-def walk_from(
-    led: ReferenceState, target: float, gait: JerkLimits, window: int, period: float
+def online_profile_from(
+    reference: ReferenceState, target: float, jerk_limits: JerkLimits, window: int, period: float
 ) -> OnlineProfile:
-    """Return the profile that continues from ``led``, as if its acceleration had been constant during the averaging window.
+    """Return the profile that continues from ``reference``, as if its acceleration had been constant during the averaging window.
 
     If this would command a speed above the highest one, the acceleration is reduced.
     """
     time = window * period
-    room = max(gait.top - abs(led.velocity), 0.0)
-    most = 2.0 * room / time
+    headroom = max(jerk_limits.top - abs(reference.velocity), 0.0)
+    most = 2.0 * headroom / time
     rate = (
-        led.acceleration if led.acceleration * led.velocity < 0.0 else max(-most, min(most, led.acceleration))
+        reference.acceleration
+        if reference.acceleration * reference.velocity < 0.0
+        else max(-most, min(most, reference.acceleration))
     )
-    speed = led.velocity + 0.5 * rate * time
-    gone = [-n * period for n in range(window - 1, -1, -1)]
-    shape = [speed * t + 0.5 * rate * t * t for t in gone]
-    off = led.place - sum(shape) / window
-    return OnlineProfile(target, gait, deque((off + place for place in shape), maxlen=window), speed, led)
+    speed = reference.velocity + 0.5 * rate * time
+    times = [-n * period for n in range(window - 1, -1, -1)]
+    shape = [speed * t + 0.5 * rate * t * t for t in times]
+    off = reference.position - sum(shape) / window
+    return OnlineProfile(
+        target, jerk_limits, deque((off + position for position in shape), maxlen=window), speed, reference
+    )
 
 
 # -- A velocity that changes with limited acceleration and limited jerk, one step per executed cycle -------------------
@@ -192,31 +207,31 @@ class VelocityRamps(NamedTuple):
 class SoftRamp:
     """Commands an axis to a velocity. For the axis it is the clock of its path (``Follow``), and never ends."""
 
-    __slots__ = ("_jerk", "_ramps", "braking", "goal", "led", "t")
+    __slots__ = ("_jerk", "_ramps", "braking", "goal", "reference", "t")
 
-    def __init__(self, led: ReferenceState, ramps: VelocityRamps) -> None:
-        """``led``: the commanded position, velocity and acceleration of the last cycle; the velocity is the first goal."""
-        self.led = led
-        self.goal = led.velocity  # unit/s, signed
+    def __init__(self, reference: ReferenceState, ramps: VelocityRamps) -> None:
+        """``reference``: the commanded position, velocity and acceleration of the last cycle; the velocity is the first goal."""
+        self.reference = reference
+        self.goal = reference.velocity  # unit/s, signed
         self._ramps = ramps
         # While it has a higher acceleration than permitted.
-        self._jerk = max(ramps.jerk, abs(led.acceleration) / LONGEST)
+        self._jerk = max(ramps.jerk, abs(reference.acceleration) / LONGEST)
         self.braking = False
         self.t = 0.0
 
     @property
     def at_goal(self) -> bool:
         """Whether it has its velocity, and nothing changes any more."""
-        return self.led.velocity == self.goal and self.led.acceleration == 0.0
+        return self.reference.velocity == self.goal and self.reference.acceleration == 0.0
 
     @property
     def stopped(self) -> bool:
         """Whether it is at standstill because it was braked."""
-        return self.braking and self.led.velocity == 0.0 == self.led.acceleration
+        return self.braking and self.reference.velocity == 0.0 == self.reference.acceleration
 
     def as_text(self, _t: float) -> str:
         """Return the present position as text for the user."""
-        return f"{self.led.place:g} with {self.led.velocity:g}/s"
+        return f"{self.reference.position:g} with {self.reference.velocity:g}/s"
 
     def brake(self) -> None:
         """Begin to brake to rest; a second call changes nothing."""
@@ -228,30 +243,34 @@ class SoftRamp:
 
     def settled(self, period: float) -> ReferenceState:
         """Return the state after the acceleration has been reduced to 0, from now on; nothing changes by this."""
-        led, change = self.led, self._change(self.led, period)
-        place = led.place
-        while led.acceleration:
-            rate = math.copysign(max(abs(led.acceleration) - change, 0.0), led.acceleration)
-            velocity = led.velocity + rate * period
-            place += velocity * period
-            led = ReferenceState(place, velocity, rate)
-        return led
+        reference, change = self.reference, self._change(self.reference, period)
+        position = reference.position
+        while reference.acceleration:
+            rate = math.copysign(max(abs(reference.acceleration) - change, 0.0), reference.acceleration)
+            velocity = reference.velocity + rate * period
+            position += velocity * period
+            reference = ReferenceState(position, velocity, rate)
+        return reference
 
     def next(self, period: float) -> ReferenceState:
         """Return the result of the next ``advance``; nothing changes by this."""
-        led, goal = self.led, 0.0 if self.braking else self.goal
-        change, limit, off = self._change(led, period), self._limit(led.velocity, goal), goal - led.velocity
+        reference, goal = self.reference, 0.0 if self.braking else self.goal
+        change, limit, off = (
+            self._change(reference, period),
+            self._limit(reference.velocity, goal),
+            goal - reference.velocity,
+        )
         wanted = max(-limit, min(limit, _rate_to(off, change, period)))
-        rate = max(led.acceleration - change, min(led.acceleration + change, wanted))
-        velocity = led.velocity + rate * period
+        rate = max(reference.acceleration - change, min(reference.acceleration + change, wanted))
+        velocity = reference.velocity + rate * period
         if abs(velocity - goal) <= _SAME * change * period:
             velocity = goal
-        return ReferenceState(led.place + velocity * period, velocity, rate)
+        return ReferenceState(reference.position + velocity * period, velocity, rate)
 
     def advance(self, period: float) -> None:
         """Advance by one cycle of ``period`` seconds."""
-        self.led = led = self.next(period)
-        if abs(led.acceleration) <= self._ramps.hardest:
+        self.reference = reference = self.next(period)
+        if abs(reference.acceleration) <= self._ramps.hardest:
             self._jerk = self._ramps.jerk
 
     def _limit(self, velocity: float, goal: float) -> float:
@@ -261,20 +280,20 @@ class SoftRamp:
             return min(up, down)
         return up if abs(velocity) < abs(goal) else down
 
-    def _change(self, led: ReferenceState, period: float) -> float:
+    def _change(self, reference: ReferenceState, period: float) -> float:
         """Return the permitted change of acceleration in this cycle; a higher one only if the axis would become too fast."""
-        change, rate = self._jerk * period, abs(led.acceleration)
-        if led.velocity * led.acceleration <= 0.0:
+        change, rate = self._jerk * period, abs(reference.acceleration)
+        if reference.velocity * reference.acceleration <= 0.0:
             return change
-        room, top = self._ramps.top - abs(led.velocity), self._ramps.top
-        if _gain(rate, change, period) <= room + _SAME * top:
+        headroom, top = self._ramps.top - abs(reference.velocity), self._ramps.top
+        if _gain(rate, change, period) <= headroom + _SAME * top:
             return change
-        return 0.5 * rate * rate / room * period if room > _SAME * top else rate
+        return 0.5 * rate * rate / headroom * period if headroom > _SAME * top else rate
 
 
-def rest_way(led: ReferenceState, ramps: VelocityRamps) -> float:
+def stopping_distance(reference: ReferenceState, ramps: VelocityRamps) -> float:
     """Return the longest distance (unit, above 0) of an axis in its direction if it brakes on its ramps from now on."""
-    speed, rate = abs(led.velocity), math.copysign(1.0, led.velocity) * led.acceleration
+    speed, rate = abs(reference.velocity), math.copysign(1.0, reference.velocity) * reference.acceleration
     more = max(rate, 0.0)
     peak = speed + 0.5 * more * more / ramps.jerk
     return peak * (more / ramps.jerk + 0.5 * peak / ramps.down + 0.5 * ramps.down / ramps.jerk)

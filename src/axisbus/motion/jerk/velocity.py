@@ -20,7 +20,7 @@ from axisbus.errors import LimitError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.jerk.online_profile import ReferenceState, SoftRamp, VelocityRamps, rest_way
+from axisbus.motion.jerk.online_profile import ReferenceState, SoftRamp, VelocityRamps, stopping_distance
 from axisbus.motion.moves.continuous_motion import VELOCITY_FLOOR, VELOCITY_SHARE, velocity_missed
 from axisbus.motion.moves.csp_move import PathHandover
 from axisbus.motion.moves.follow import Follow
@@ -33,7 +33,7 @@ from axisbus.motion.velocity_estimator import VelocityEstimator
 
 
 @dataclass(frozen=True, slots=True)
-class _Ramped:
+class _RampTrajectory:
     """The set-points of a ramp as a trajectory; only the present position is available."""
 
     ramp: SoftRamp
@@ -42,7 +42,7 @@ class _Ramped:
 
     def position(self, _t: float) -> float:
         """Return the position of this cycle."""
-        return self.ramp.led.place
+        return self.ramp.reference.position
 
 
 def ramps_of(profile: MoveProfile, parameters: AxisParameters) -> VelocityRamps:
@@ -65,7 +65,7 @@ def settled_from(before: Follow, ramps: VelocityRamps, period: float) -> Referen
 class JerkLimitedVelocity(PathHandover):
     """One axis at a velocity; ends well when it is reached, and continues to move. Holds its ramp, once it has begun."""
 
-    goes_on = True
+    keeps_moving = True
     ends_at_rest = False
     foresees = False
 
@@ -91,7 +91,7 @@ class JerkLimitedVelocity(PathHandover):
         self._factor = 1.0  # the override of the commanded velocity
         self.ramp: SoftRamp | None = None
         self.brakes_softly = False
-        self.course = self._course()
+        self.commanded = self._commanded_motion()
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the velocity is reached, unless an override of 0 holds the axis. Must be stepped further to keep it."""
@@ -99,15 +99,15 @@ class JerkLimitedVelocity(PathHandover):
         before = self._before
         if before is not None:
             if self._is_given_up or not self._gate.pass_through(self):
-                self._go_along(before, image, order)
+                self._step_previous_path(before, image, order)
                 return False
             self._take_over(before)
         ramp, reached = self.ramp, False
         if ramp is None and self._prepared:
             here = self._units.to_units(self.reference(image) - image.origin)
-            self._be_led(ReferenceState(here))
+            self._begin_ramp(ReferenceState(here))
         elif ramp is not None and self._is_on(ramp):
-            reached = self._go_on(ramp, image)
+            reached = self._advance(ramp, image)
         super().step(image, order)
         return reached and self._factor > 0.0
 
@@ -119,9 +119,9 @@ class JerkLimitedVelocity(PathHandover):
 
     def brake_softly(self) -> None:
         """Make the next halt as soft as the velocity command."""
-        leads = self.leads_now
-        if isinstance(leads, JerkLimitedVelocity):
-            leads.brakes_softly = True
+        path = self.commanding_path
+        if isinstance(path, JerkLimitedVelocity):
+            path.brakes_softly = True
 
     def brake_hard(self) -> None:
         """Make a soft halt brake with the axis's own deceleration from now on."""
@@ -151,30 +151,34 @@ class JerkLimitedVelocity(PathHandover):
             return settled_from(self._before, self._ramps, self._period)
         if ramp is None or not self._is_on(ramp):
             return ReferenceState(*self.last_step)
-        off, led = self.last_step.position - ramp.led.place, ramp.settled(self._period)
-        return led._replace(place=led.place + off)
+        off, reference = self.last_step.position - ramp.reference.position, ramp.settled(self._period)
+        return reference._replace(position=reference.position + off)
 
     @property
     def waits(self) -> bool:
         """Whether it was commanded at standstill, and has moved nothing yet."""
         return self._before is None and not self._running
 
-    def require_room(self) -> None:
+    def require_stop_within_limits(self) -> None:
         """Raise LimitError if the axis would come to rest beyond its position limits on the ramps of the command."""
         limits, before = self._parameters.limits.position, self._before
         if limits is None or before is None or not self._bounded:
             return
         step, unit = before.last_step, self._units
-        led = ReferenceState(step.position, step.velocity, before.acceleration)
-        turns = self._reached.goal * led.velocity <= 0.0
-        way = rest_way(led, self._ramps) if turns else self._hard_way(led.velocity)
-        stop = led.place + math.copysign(way, led.velocity)
-        low, high = widened(limits, led.place, abs(unit.to_units(1)))
+        reference = ReferenceState(step.position, step.velocity, before.acceleration)
+        turns = self._reached.goal * reference.velocity <= 0.0
+        distance = (
+            stopping_distance(reference, self._ramps)
+            if turns
+            else self._hard_stopping_distance(reference.velocity)
+        )
+        stop = reference.position + math.copysign(distance, reference.velocity)
+        low, high = widened(limits, reference.position, abs(unit.to_units(1)))
         if low <= stop <= high:
             return
         raise LimitError(
             f"{self._parameters.name}: the axis could not stop within the position limits with that deceleration and that jerk",
-            observed=f"from its present speed of {led.velocity:g} {unit.unit}/s it would stop at {stop:g} {unit.unit}; "
+            observed=f"from its present speed of {reference.velocity:g} {unit.unit}/s it would stop at {stop:g} {unit.unit}; "
             f"the allowed range is {limits[0]:g} to {limits[1]:g}",
             remedy="give a higher deceleration or more jerk, or halt the axis first; the previous command continues",
         )
@@ -184,21 +188,21 @@ class JerkLimitedVelocity(PathHandover):
         """The present acceleration of the commanded motion (unit/s²)."""
         ramp = self.ramp
         on_ramp = ramp is not None and self._is_on(ramp) and self._addition is None
-        return ramp.led.acceleration if ramp is not None and on_ramp else super().acceleration
+        return ramp.reference.acceleration if ramp is not None and on_ramp else super().acceleration
 
     def resume(self, before: Follow) -> None:
         """Continue from the last target of ``before``."""
         super().resume(before)
-        self._bind_again(before.last_step.position)
+        self._set_limits_again(before.last_step.position)
 
     def _start(self, image: AxisImage) -> None:
         super()._start(image)
-        self._bind_again(self._units.to_units(self.reference(image) - image.origin))
+        self._set_limits_again(self._units.to_units(self.reference(image) - image.origin))
 
-    def _bind_again(self, here: float) -> None:
+    def _set_limits_again(self, here: float) -> None:
         """Apply the position limits, or none before the axis is homed; an axis at rest beyond them may move back."""
         if self._bounded is not None:
-            self._bind(self._parameters.limits.position if self._bounded else None, here)
+            self._set_limits(self._parameters.limits.position if self._bounded else None, here)
 
     def _is_on(self, ramp: SoftRamp) -> bool:
         """Whether its ramp commands the axis, and no other braking."""
@@ -210,35 +214,35 @@ class JerkLimitedVelocity(PathHandover):
             return
         self._factor = factor
         self._reached.override(factor)
-        self.course = self._course()
+        self.commanded = self._commanded_motion()
         if self.ramp is not None and not self._settles:
             self.ramp.goal = self._reached.goal
 
     def _take_over(self, before: Follow) -> None:
         step = before.last_step
-        self._be_led(ReferenceState(step.position, step.velocity, before.acceleration))
+        self._begin_ramp(ReferenceState(step.position, step.velocity, before.acceleration))
         self.resume(before)
         self._before = None
 
-    def _be_led(self, led: ReferenceState) -> None:
-        self.ramp = ramp = SoftRamp(led, self._ramps)
+    def _begin_ramp(self, reference: ReferenceState) -> None:
+        self.ramp = ramp = SoftRamp(reference, self._ramps)
         ramp.goal = self._reached.goal
         if self._settles:
             ramp.settle(self._period)
-        self.guide_by(ramp, _Ramped(ramp, self._ramps.hardest))
+        self.guide_by(ramp, _RampTrajectory(ramp, self._ramps.hardest))
 
-    def _go_on(self, ramp: SoftRamp, image: AxisImage) -> bool:
+    def _advance(self, ramp: SoftRamp, image: AxisImage) -> bool:
         """Advance by one cycle; return whether the velocity is reached. On an error the axis brakes in the same cycle."""
         reached, self.brakes_along = False, True
         if not ramp.braking and not self._settles:
             reached = self._reached.step(image, at_goal=ramp.at_goal)
-        self._look_for_room(ramp)
+        self._check_stop_within_limits(ramp)
         self.brakes_along = False
         if self._is_on(ramp):
             ramp.advance(self._period)
         return reached
 
-    def _course(self) -> CommandedMotion:
+    def _commanded_motion(self) -> CommandedMotion:
         """Return the commanded motion for the monitoring of the limits: a stop brakes with the axis's own deceleration."""
         unit, hard = abs(self._units.factor), self._parameters.path_deceleration
         down = hard or self._ramps.down
@@ -246,14 +250,16 @@ class JerkLimitedVelocity(PathHandover):
         goal = self._reached.goal * self._units.factor
         return CommandedMotion(goal, self._ramps.up * unit, down * unit, by_core=True, soft=soft)
 
-    def _hard_way(self, velocity: float) -> float:
+    def _hard_stopping_distance(self, velocity: float) -> float:
         """Return the distance to rest for any stop but a soft halt."""
         hard = self._parameters.path_deceleration
         return (
-            braking_distance(velocity, hard) if hard else rest_way(ReferenceState(0.0, velocity), self._ramps)
+            braking_distance(velocity, hard)
+            if hard
+            else stopping_distance(ReferenceState(0.0, velocity), self._ramps)
         )
 
-    def _look_for_room(self, ramp: SoftRamp) -> None:
+    def _check_stop_within_limits(self, ramp: SoftRamp) -> None:
         """Raise LimitError, or brake a soft halt harder, if the axis could not stay within its limits after this cycle.
 
         Raises:
@@ -262,21 +268,21 @@ class JerkLimitedVelocity(PathHandover):
         limits, after = self._limits, ramp.next(self._period)
         if limits is None:
             return
-        place = after.place + self.shifted
-        stop = place + math.copysign(self._hard_way(after.velocity), after.velocity)
+        position = after.position + self.shifted
+        stop = position + math.copysign(self._hard_stopping_distance(after.velocity), after.velocity)
         outside = stop > limits.high if after.velocity > 0.0 else stop < limits.low
         if not outside:
             return
         if not ramp.braking:
-            raise self._leads_out(after, stop)
+            raise self._limit_error(after, stop)
         self.brakes_softly = False
         self.brake_alone()
 
-    def _leads_out(self, led: ReferenceState, stop: float) -> LimitError:
+    def _limit_error(self, reference: ReferenceState, stop: float) -> LimitError:
         name, unit, limits = self._parameters.name, self._units.unit, self._edges
-        seen = f"at {led.place:g} {unit}, with {led.velocity:g} {unit}/s, it would stop at {stop:g} {unit}"
+        seen = f"at {reference.position:g} {unit}, with {reference.velocity:g} {unit}/s, it would stop at {stop:g} {unit}"
         if limits is None:
-            return self._leaves_count("its velocity", seen, "braked")
+            return self._count_exceeded("its velocity", seen, "braked")
         return LimitError(
             f"{name}: about to leave its position limits",
             observed=f"{seen}; the allowed range is {limits[0]:g} to {limits[1]:g}",

@@ -14,7 +14,7 @@ from axisbus.errors import DriveError, MotionTimeout, StaleError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.velocity_following import RampedWay
+from axisbus.motion.stop.velocity_following import VelocityRampTracker
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from axisbus.motion.moves.setpoint import SetPoint
 
 
-class Leading(Protocol):
+class SetPointSource(Protocol):
     """The active trajectory of an axis, as seen by a command or stop that takes over from it.
 
     ``moves.follow.Follow``, without the members that only its own command needs.
@@ -55,43 +55,43 @@ LATE_REMEDY = (
 class Activity(ABC):
     """A running command. It is pure: process image in, requests out; a failure is raised as an ``AxisbusError``.
 
-    ``mode`` is the mode of operation in which it works. If ``goes_on``, it is stepped further after a successful end, because the
-    axis continues to move. Only an activity that ``clears_error`` can leave ErrorStop. An activity that ``ends_at_rest`` has ended
-    successfully only when the axis is seen at standstill. One that ``stops_at_limit`` ends in a halt ahead of a position limit.
-    ``course`` describes the commanded motion (None: unknown).
+    ``mode`` is the mode of operation in which it works. If ``keeps_moving``, it is stepped further after a successful end, because
+    the axis continues to move. Only an activity that ``clears_error`` can leave ErrorStop. An activity that ``ends_at_rest`` has
+    ended successfully only when the axis is seen at standstill. One that ``stops_at_limit`` ends in a halt ahead of a position
+    limit. ``commanded`` describes the commanded motion (None: unknown).
 
     ``behind``: increments by which the axis is behind its commanded position, if the command knows this better than 6062h.
-    ``led_speed``: the commanded speed in increments per s. ``lag``: see ``RampedWay`` (None: not known). ``ramped``: the monitor of
-    the velocity ramp that the drive is on (None: it is on none). ``rests_from``: the time (s) from which its end may be seen,
-    because an axis at standstill may not have started yet. ``settling``: the seconds that the rest of its motion takes when its
-    drive reports the end, because it is within a window of the target. ``resisted_since``: the time (s) since which an axis that
-    must turn is at standstill, while no value shows its drive's set-point (infinite: it turns, or the set-point is seen). Until it
-    is ``in_effect``, the axis may continue as the previous command requested.
+    ``commanded_speed``: the commanded speed in increments per s. ``lag``: see ``VelocityRampTracker`` (None: not known).
+    ``ramp_tracker``: the monitor of the velocity ramp that the drive is on (None: it is on none). ``rests_from``: the time (s) from
+    which its end may be seen, because an axis at standstill may not have started yet. ``settling``: the seconds that the rest of
+    its motion takes when its drive reports the end, because it is within a window of the target. ``resisted_since``: the time (s)
+    since which an axis that must turn is at standstill, while no value shows its drive's set-point (infinite: it turns, or the
+    set-point is seen). Until it is ``in_effect``, the axis may continue as the previous command requested.
     """
 
     mode: ClassVar[ModeOfOperation | None] = None
-    goes_on: ClassVar[bool] = False
+    keeps_moving: ClassVar[bool] = False
     clears_error: ClassVar[bool] = False
     ends_at_rest: ClassVar[bool] = False
     stops_at_limit: ClassVar[bool] = False
     refused: bool = False  # it has failed before it moved anything
-    course: CommandedMotion | None = None
+    commanded: CommandedMotion | None = None
     behind: float | None = None
-    led_speed: float = 0.0
+    commanded_speed: float = 0.0
     lag: float | None = None
-    ramped: RampedWay | None = None
+    ramp_tracker: VelocityRampTracker | None = None
     rests_from: float = -math.inf
     settling: float = 0.0
     resisted_since: float = math.inf
     in_effect: bool = True
 
     @property
-    def leading(self) -> Leading | None:
+    def set_point_source(self) -> SetPointSource | None:
         """The trajectory of the axis: its own, or the previous one until the drive is in the mode of this command."""
         return None
 
     @property
-    def leaving(self) -> ModeSwitch | None:
+    def pending_mode_switch(self) -> ModeSwitch | None:
         """The requested change of mode that will end that trajectory; the next command must complete this change."""
         return None
 
@@ -110,7 +110,7 @@ class Activity(ABC):
         """Do one cycle's work; return True when the command has ended successfully."""
 
     def override(self, image: AxisImage) -> None:  # noqa: B027  # most activities do this in their step
-        """Update ``course`` for a new override, because the supervision reads it before the next step."""
+        """Update ``commanded`` for a new override, because the supervision reads it before the next step."""
 
     def cancel(self, order: CycleOutputs) -> None:  # noqa: B027  # most activities have nothing to cancel
         """Cancel queued requests: the command has been interrupted."""

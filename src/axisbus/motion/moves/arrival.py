@@ -16,11 +16,11 @@ _PASSED = 0.5
 class ArrivalCheck:
     """Holds the standstill check of the running command, and the deadline for standstill after the command's own end."""
 
-    __slots__ = ("_deadline", "_parameters", "_reported", "_since", "_standing", "_time")
+    __slots__ = ("_deadline", "_parameters", "_reported", "_since", "_standstill_check", "_time")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self._standing: StandstillCheck | None = None
+        self._standstill_check: StandstillCheck | None = None
         self._since = 0.0
         self._reported = 0.0  # when the end was last reported
         self._deadline: float | None = None
@@ -28,11 +28,11 @@ class ArrivalCheck:
 
     def begin(self, activity: Activity, now: float) -> None:
         """Begin with a new command; values received before do not count."""
-        self._standing = self._deadline = None
+        self._standstill_check = self._deadline = None
         if activity.ends_at_rest:
             self._since = now
             homing = activity.mode is ModeOfOperation.HOMING
-            self._standing = StandstillCheck(self._parameters, now, homing=homing)
+            self._standstill_check = StandstillCheck(self._parameters, now, homing=homing)
 
     def complete(self, activity: Activity, done: bool, image: AxisImage) -> bool:
         """Return whether a command that is ``done`` by its own rule has ended.
@@ -40,24 +40,24 @@ class ArrivalCheck:
         Raises:
             MotionTimeout: the axis does not come to rest.
         """
-        standing = self._standing
-        if standing is None:
+        check = self._standstill_check
+        if check is None:
             return done
         if activity.rests_from > self._since:  # in every cycle of a motion that has not reached its end yet
             self._since = activity.rests_from
-            standing.begin(self._since)
-        stands = standing.seen(image)
+            check.begin(self._since)
+        at_standstill = check.seen(image)
         if done:
             self._reported = image.now
         elif image.now - self._reported > _PASSED:
             self._deadline = None
-        if not done or stands:
+        if not done or at_standstill:
             return done
         if self._deadline is None:
             self._time = self._parameters.timing.progress + activity.settling
             self._deadline = image.now + self._time
         if image.now > self._deadline:
-            raise self._late(standing.why_not(image))
+            raise self._late(check.why_not(image))
         return False
 
     def _late(self, why: str) -> MotionTimeout:

@@ -7,7 +7,7 @@ from axisbus.cia402.state import ENERGISED, PowerState
 from axisbus.errors import DriveError, TransitionError
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
-from axisbus.motion.moves.activity import Activity, Leading, age_text, unknown_statusword
+from axisbus.motion.moves.activity import Activity, SetPointSource, age_text, unknown_statusword
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.power_transition import StateWalk, word_text
 from axisbus.motion.parameters import AxisParameters
@@ -17,29 +17,32 @@ class Coast(Activity):
     """MC_Power(FALSE) by transition 9, which must be requested explicitly: power off at once, nothing brakes the motor."""
 
     def __init__(
-        self, parameters: AxisParameters, before: Leading | None = None, leaving: ModeSwitch | None = None
+        self,
+        parameters: AxisParameters,
+        before: SetPointSource | None = None,
+        pending_mode_switch: ModeSwitch | None = None,
     ) -> None:
-        """``before``: the trajectory that commanded the axis, and ``leaving`` the change of mode that was to end it.
+        """``before``: the trajectory that commanded the axis, and ``pending_mode_switch`` the change of mode that was to end it.
 
         A halt in the same cycle brakes along the trajectory, and completes the change of mode.
         """
         self._walk = StateWalk(parameters)
         self._before = before
-        self._leaving = leaving
+        self._pending_mode_switch = pending_mode_switch
 
     @property
-    def leading(self) -> Leading | None:
+    def set_point_source(self) -> SetPointSource | None:
         """The previous trajectory, until something has been sent."""
         return self._before
 
     @property
-    def leaving(self) -> ModeSwitch | None:
+    def pending_mode_switch(self) -> ModeSwitch | None:
         """The change of mode that was running, until something has been sent."""
-        return self._leaving
+        return self._pending_mode_switch
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the power stage is off (a drive in fault counts as off)."""
-        self._before = self._leaving = None
+        self._before = self._pending_mode_switch = None
         if image.state is PowerState.FAULT:
             order.goal = PowerState.SWITCH_ON_DISABLED
             return True

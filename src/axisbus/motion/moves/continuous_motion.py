@@ -10,14 +10,14 @@ from axisbus.errors import MotionTimeout, Stopped
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.commands import MoveVelocity
-from axisbus.motion.moves.activity import Activity, Leading, present_speed
+from axisbus.motion.moves.activity import Activity, SetPointSource, present_speed
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.prepare import Prepare, Prepared, RampTransfers, require_ramps
 from axisbus.motion.moves.profile import MoveProfile
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.override import scaled
 from axisbus.motion.parameters import AxisParameters
-from axisbus.motion.stop.velocity_following import RampedWay, ramped_way
+from axisbus.motion.stop.velocity_following import VelocityRampTracker, drive_ramp_tracker
 from axisbus.motion.stop_deceleration import CommandedMotion
 
 VELOCITY_FLOOR = 2  # velocity increments
@@ -31,7 +31,7 @@ class VelocityMove(Prepared):
     """A move at constant velocity in profile velocity mode; ends well when the velocity is reached, and continues to move."""
 
     mode = ModeOfOperation.PROFILE_VELOCITY
-    goes_on = True
+    keeps_moving = True
     in_effect = False
 
     def __init__(
@@ -40,14 +40,14 @@ class VelocityMove(Prepared):
         parameters: AxisParameters,
         prepare: Prepare,
         before: CommandedMotion | None = None,
-        ramped: RampedWay | None = None,
+        ramp_tracker: VelocityRampTracker | None = None,
     ) -> None:
         """``profile.velocity`` is signed here: the direction. ``before``: the motion commanded until now.
 
-        ``ramped``: the ramp of the previous velocity command, if the drive is on one.
+        ``ramp_tracker``: the ramp of the previous velocity command, if the drive is on one.
         """
         self._soft = profile.soft_seconds(abs(parameters.units.position.factor))
-        self.course = _course(profile, self._soft, before)
+        self.commanded = _commanded_motion(profile, self._soft, before)
         self._fastest = 0.0  # position increments per s, since the velocity was commanded
         self._profile = profile
         self._parameters = parameters
@@ -55,35 +55,38 @@ class VelocityMove(Prepared):
         self._deadline: float | None = None
         self._commanded_at: float | None = None
         self._begun = False
-        self.ramped = ramped
-        if ramped is not None and profile.up and profile.down:
-            ramped.expect(profile.up, profile.down)
+        self.ramp_tracker = ramp_tracker
+        if ramp_tracker is not None and profile.up and profile.down:
+            ramp_tracker.expect(profile.up, profile.down)
         self._factor = 1.0  # the override of the commanded velocity
         self._target = profile.velocity  # with the override
         self.reached = False
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the velocity is reached, unless an override of 0 holds the axis. Must be stepped further to keep it."""
-        if not self._begun and self.ramped is not None:
-            self.ramped.step(image)
+        if not self._begun and self.ramp_tracker is not None:
+            self.ramp_tracker.step(image)
         if not self._prepare.step(image, order):
             return False
         if not self._begun:
             self._begin()
         self.override(image)
-        if self.ramped is not None:
-            self.ramped.step(image)
-            self.led_speed = abs(self.ramped.speed)
-            self.behind = self._behind(self.ramped.behind)
-            self.lag = self._lag(self.ramped.lag)
+        if self.ramp_tracker is not None:
+            self.ramp_tracker.step(image)
+            self.commanded_speed = abs(self.ramp_tracker.speed)
+            self.behind = self._behind(self.ramp_tracker.behind)
+            self.lag = self._lag(self.ramp_tracker.lag)
         order.target_velocity = self._target
         order.halt = False
         if self._commanded_at is None:
-            self.course, speed = _course(self._overridden, self._soft), present_speed(image, self._parameters)
+            self.commanded, speed = (
+                _commanded_motion(self._overridden, self._soft),
+                present_speed(image, self._parameters),
+            )
             self._commanded_at = image.now
             self.in_effect = True
             self._deadline = image.now + self._allowed(speed)
-            self._fastest = max(speed, abs(self.course.speed or 0.0))
+            self._fastest = max(speed, abs(self.commanded.speed or 0.0))
         if not self.reached:
             self.reached = self._in_velocity(image)
             self._watch(image)
@@ -95,13 +98,13 @@ class VelocityMove(Prepared):
         """Compute from now on with the ramps that the drive has."""
         self._begun = True
         self._profile = require_ramps(self._prepare.ramps.applied(self._profile), self._parameters)
-        self.ramped = ramped_way(self._profile, self._parameters, self.ramped)
+        self.ramp_tracker = drive_ramp_tracker(self._profile, self._parameters, self.ramp_tracker)
 
-    def _behind(self, way: float | None) -> float | None:
+    def _behind(self, distance: float | None) -> float | None:
         """Return the distance behind the ramp, without the share of a jerk limit: drives differ in how they apply it."""
-        if way is None or not self._soft:
-            return way
-        return math.copysign(max(0.0, abs(way) - self._fastest * self._soft), way)
+        if distance is None or not self._soft:
+            return distance
+        return math.copysign(max(0.0, abs(distance) - self._fastest * self._soft), distance)
 
     def _lag(self, lag: float | None) -> float | None:
         """Return the lag without the delay of the jerk limit (half of its time), which the look-ahead adds separately."""
@@ -114,10 +117,10 @@ class VelocityMove(Prepared):
             return
         self._factor = factor
         self._target = scaled(self._profile.velocity, factor, self._parameters)
-        if self.ramped is not None:
-            self.ramped.aim(self._target)
+        if self.ramp_tracker is not None:
+            self.ramp_tracker.aim(self._target)
         self._commanded_at, self.reached = None, False
-        self.course = _course(self._overridden, self._soft)
+        self.commanded = _commanded_motion(self._overridden, self._soft)
 
     @property
     def _overridden(self) -> MoveProfile:
@@ -165,7 +168,7 @@ class TorqueMove(Prepared):
     """A torque in profile torque mode; ends well when it is measured (or, without 6077h, reported) as reached, and keeps it."""
 
     mode = ModeOfOperation.PROFILE_TORQUE
-    goes_on = True
+    keeps_moving = True
 
     def __init__(
         self,
@@ -187,8 +190,8 @@ class TorqueMove(Prepared):
 
     def _leave_path(self) -> None:
         """Note that the torque moves the axis, once it leaves a path of the master: until then a halt brakes it along this path."""
-        if self.course is None and (self.leading is None or self.leaving is not None):
-            self.course = CommandedMotion(by_torque=True)
+        if self.commanded is None and (self.set_point_source is None or self.pending_mode_switch is not None):
+            self.commanded = CommandedMotion(by_torque=True)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True once the torque is reached. Must be stepped further to keep it."""
@@ -200,7 +203,7 @@ class TorqueMove(Prepared):
         order.halt = False
         if self._commanded_at is None:
             self._commanded_at = image.now
-            self.course = pushed(self._prepare.ramps)
+            self.commanded = motion_by_torque(self._prepare.ramps)
             self._timeout = self._timeout or self._allowed(image.torque or 0)
         if not self.reached:
             self.reached = self._in_torque(image)
@@ -239,7 +242,7 @@ class TorqueMove(Prepared):
         raise torque_missed(image, self._parameters, self._torque, by_slope)
 
 
-def pushed(ramps: RampTransfers) -> CommandedMotion:
+def motion_by_torque(ramps: RampTransfers) -> CommandedMotion:
     """Return the commanded motion of an axis under torque, with its drive's deceleration (6084h) if that was written."""
     down = ramps.parameters.acceleration_increments(ramps.deceleration)
     return CommandedMotion(by_torque=True, down=down, unknown=ramps.was_asked and down is None)
@@ -282,7 +285,9 @@ def torque_missed(
     )
 
 
-def _course(profile: MoveProfile, soft: float, before: CommandedMotion | None = None) -> CommandedMotion:
+def _commanded_motion(
+    profile: MoveProfile, soft: float, before: CommandedMotion | None = None
+) -> CommandedMotion:
     """Return the commanded motion of a velocity move.
 
     Until its ramp is written, the weaker ramp of this move and of the motion ``before`` counts. ``soft``: seconds by which a jerk
@@ -313,12 +318,12 @@ class Jog(Activity):
     """
 
     mode = ModeOfOperation.PROFILE_VELOCITY
-    goes_on = True
+    keeps_moving = True
     stops_at_limit = True
     in_effect = False
 
     def __init__(self, move: VelocityMove, command: MoveVelocity, image: AxisImage) -> None:
-        self.course, self.ramped = move.course, move.ramped
+        self.commanded, self.ramp_tracker = move.commanded, move.ramp_tracker
         self._move = move
         self._profile = command.profile
         self._until = image.now + (command.life or 0.0)
@@ -342,25 +347,29 @@ class Jog(Activity):
             raise Stopped("jog was not renewed")
         reached = self._move.step(image, order)
         move = self._move
-        self.course, self.ramped = move.course, move.ramped
-        self.behind, self.led_speed, self.resisted_since = move.behind, move.led_speed, move.resisted_since
+        self.commanded, self.ramp_tracker = move.commanded, move.ramp_tracker
+        self.behind, self.commanded_speed, self.resisted_since = (
+            move.behind,
+            move.commanded_speed,
+            move.resisted_since,
+        )
         self.lag, self.in_effect = move.lag, move.in_effect
         return reached
 
     def override(self, image: AxisImage) -> None:
         """See ``VelocityMove.override``."""
         self._move.override(image)
-        self.course = self._move.course
+        self.commanded = self._move.commanded
 
     @property
-    def leading(self) -> Leading | None:
+    def set_point_source(self) -> SetPointSource | None:
         """The previous trajectory, until the drive is in the mode of this command."""
-        return self._move.leading
+        return self._move.set_point_source
 
     @property
-    def leaving(self) -> ModeSwitch | None:
+    def pending_mode_switch(self) -> ModeSwitch | None:
         """The change of mode that ends that trajectory, once it has been requested."""
-        return self._move.leaving
+        return self._move.pending_mode_switch
 
     @property
     def in_flight(self) -> SetPoint | None:

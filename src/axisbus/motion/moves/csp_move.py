@@ -52,7 +52,7 @@ class PathHandover(Follow):
         return self._before.begin_braking()
 
     @property
-    def leads_now(self) -> Follow:
+    def commanding_path(self) -> Follow:
         """The path that commands the axis in this cycle: the previous path, until this one takes over."""
         return self if self._before is None else self._before
 
@@ -79,7 +79,7 @@ class PathHandover(Follow):
         """Whether the commanded motion is at standstill."""
         return super().at_rest if self._before is None else self._before.at_rest
 
-    def _go_along(self, before: Follow, image: AxisImage, order: CycleOutputs) -> None:
+    def _step_previous_path(self, before: Follow, image: AxisImage, order: CycleOutputs) -> None:
         """Let the previous path command the axis. If it fails, the axis is braked along that path, as without the handover."""
         try:
             before.step(image, order)
@@ -93,7 +93,7 @@ class PathHandover(Follow):
 class MoveProgress(NamedTuple):
     """The profile of a move that continues as planned, and the time along it."""
 
-    way: ProfileFromSpeed
+    profile: ProfileFromSpeed
     clock: PathClock
 
 
@@ -137,7 +137,7 @@ class CspMove(PathHandover):
             speed = speed if limit is None else min(speed, max(limit, speed / self._factor))
         return ProfileFromSpeed(start, end, speed, up, down)
 
-    def require_room(self, origin: int) -> None:
+    def require_stop_within_limits(self, origin: int) -> None:
         """Raise LimitError if the axis could not brake within its position limits."""
         limits, unit = self._parameters.limits.position, self._parameters.units.position
         if limits is None or self._before is None:
@@ -168,16 +168,20 @@ class CspMove(PathHandover):
         """The time (s, monotonic) until which it must have arrived, if the caller gave a timeout."""
         return self._deadline
 
-    def going(self) -> MoveProgress | None:
+    def progress(self) -> MoveProgress | None:
         """Return its profile and its time on it, if it continues as planned, straight to its end; None otherwise."""
-        way, t = self._told, self.clock.t
-        if not isinstance(way, ProfileFromSpeed) or self._addition is not None or self._before is not None:
+        profile, t = self._raw_trajectory, self.clock.t
+        if (
+            not isinstance(profile, ProfileFromSpeed)
+            or self._addition is not None
+            or self._before is not None
+        ):
             return None
-        if self._factor != 1.0 or not self._time.is_even or t >= way.duration:
+        if self._factor != 1.0 or not self._time.is_even or t >= profile.duration:
             return None
-        left, speed = way.end - way.position(t), way.speed(t)
-        straight = left * speed >= 0.0 and braking_distance(speed, way.down) <= abs(left) * (1.0 + 1e-9)
-        return MoveProgress(way, self._time) if straight else None
+        left, speed = profile.end - profile.position(t), profile.speed(t)
+        straight = left * speed >= 0.0 and braking_distance(speed, profile.down) <= abs(left) * (1.0 + 1e-9)
+        return MoveProgress(profile, self._time) if straight else None
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the axis has reached its target."""
@@ -188,7 +192,7 @@ class CspMove(PathHandover):
         self._check_deadline(
             image
         )  # before the next step: if this fails, the axis brakes in this cycle, from its present set-point
-        self._go_ahead(image)
+        self._advance_profile(image)
         if self._before is not None:
             if (
                 self._is_given_up
@@ -196,12 +200,12 @@ class CspMove(PathHandover):
                 or not self._may_follow(self._before, image)
                 or not self._gate.pass_through(self)
             ):
-                self._go_along(self._before, image, order)
+                self._step_previous_path(self._before, image, order)
                 return False
             self._take_over(self._before, image)
         return super().step(image, order)
 
-    def _go_ahead(self, image: AxisImage) -> None:
+    def _advance_profile(self, image: AxisImage) -> None:
         """Advance a profile ahead of the axis by one cycle; this class has none."""
 
     def _must_slow_down(self, before: Follow, image: AxisImage) -> bool:
@@ -211,7 +215,7 @@ class CspMove(PathHandover):
         """
         if not before.is_under_way:
             return False
-        (low, high), span = before.room, self.plan(image.origin).span
+        (low, high), span = before.permitted_range, self.plan(image.origin).span
         if low <= span[0] + before.shifted and span[1] + before.shifted <= high:
             return False
         return before.begin_braking()
@@ -220,7 +224,7 @@ class CspMove(PathHandover):
         """Whether it can take over from the command that commands the axis now."""
         return True
 
-    def _keep_pace(self, override: float) -> None:
+    def _apply_override(self, override: float) -> None:
         """Replan the rest of the path if the override has changed: with its ramps, from the present speed of the axis."""
         if override == self._factor:
             return

@@ -56,7 +56,7 @@ class EnableActivity(Activity):
         self._parameters = parameters
         self._takeover = takeover
         self._taken_over = takeover is None
-        self._left = False  # the mode in which it was found
+        self._has_left_mode = False  # the mode in which it was found
         self._moving = moving
         self._target: int | None = None  # as preloaded last
         self._choose(candidates)
@@ -67,7 +67,7 @@ class EnableActivity(Activity):
         self._position_deadline: float | None = None
         self._mode_deadline: float | None = None
         self._confirm_deadline: float | None = None
-        self._stand_deadline: float | None = None
+        self._standstill_deadline: float | None = None
         self._enabled = False
         self._found_enabled: bool | None = None
         self._step = _EnableStep.MODE
@@ -85,7 +85,7 @@ class EnableActivity(Activity):
         """Return True when the drive is enabled, in the resting mode."""
         self._refuse(image)
         self._watch_state(image)
-        if not self._taken_over and not self._found_out(image, order):
+        if not self._taken_over and not self._targets_known(image, order):
             return False
         if self._awaits_position(image, order) or self._awaits_rest(image, order):
             return False
@@ -109,7 +109,7 @@ class EnableActivity(Activity):
             return False
         self._step = _EnableStep.ENABLE
         if not self._walk.step(image, order, PowerState.OPERATION_ENABLED):
-            self._check_kept(image)
+            self._check_power_kept(image)
             return False
         self._enabled = True
         rests = self._rest.after(image, found=self._found_enabled)
@@ -141,9 +141,9 @@ class EnableActivity(Activity):
         if not self._found_enabled or image.standstill or image.position is None:
             return True
         order.halt = True
-        if self._stand_deadline is None:
-            self._stand_deadline = image.now + self._parameters.stop_times.halt
-        if image.now > self._stand_deadline:
+        if self._standstill_deadline is None:
+            self._standstill_deadline = image.now + self._parameters.stop_times.halt
+        if image.now > self._standstill_deadline:
             raise DriveError(
                 f"{self._parameters.name}: the axis was found moving, and does not halt",
                 axis=self._parameters.name,
@@ -163,7 +163,7 @@ class EnableActivity(Activity):
                 remedy="reset first: axis.reset()",
             )
 
-    def _found_out(self, image: AxisImage, order: CycleOutputs) -> bool:
+    def _targets_known(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the drive's targets and offsets are known; until then nothing is sent to it."""
         assert self._takeover is not None
         if image.state is PowerState.OPERATION_ENABLED and not self._takeover.step(image, order):
@@ -200,7 +200,7 @@ class EnableActivity(Activity):
         return True
 
     def _preload(self, image: AxisImage, order: CycleOutputs) -> None:
-        if self._is_held(image):
+        if self._holds_targets(image):
             assert self._takeover is not None
             self._takeover.hold(image, order)
         elif image.state in ENERGISED:
@@ -219,12 +219,12 @@ class EnableActivity(Activity):
         holds = image.state is PowerState.OPERATION_ENABLED and not self._found_enabled and not self._moving
         return holds and self._target is not None and image.demand is None
 
-    def _is_held(self, image: AxisImage) -> bool:
+    def _holds_targets(self, image: AxisImage) -> bool:
         """Whether the drive is still in the mode in which it was found, and its targets have an effect."""
         if self._takeover is None or image.state is not PowerState.OPERATION_ENABLED:
             return False
-        self._left = self._left or image.mode == self._mode != self._takeover.mode
-        return not self._left and self._takeover.holds_until(self._mode)
+        self._has_left_mode = self._has_left_mode or image.mode == self._mode != self._takeover.mode
+        return not self._has_left_mode and self._takeover.holds_until(self._mode)
 
     @property
     def _needs_position(self) -> bool:
@@ -259,7 +259,7 @@ class EnableActivity(Activity):
         They are set before there is power; on a drive found enabled, in a mode other than the one in which it added them.
         """
         if image.state is PowerState.OPERATION_ENABLED:
-            return self._offsets.step(image, order) if self._left else True
+            return self._offsets.step(image, order) if self._has_left_mode else True
         if self._mode not in ADDS_OFFSETS:
             return True
         return self._offsets.step(image, order)
@@ -280,7 +280,7 @@ class EnableActivity(Activity):
 
         A drive that is already energised keeps its power: from *quick stop active* it takes transition 16 at standstill.
         """
-        if image.state is PowerState.QUICK_STOP_ACTIVE and not self._stands(image, order):
+        if image.state is PowerState.QUICK_STOP_ACTIVE and not self._is_at_standstill(image, order):
             return False
         if image.state not in ENERGISED and not self._walk.step(image, order, PowerState.SWITCHED_ON):
             return False
@@ -290,14 +290,14 @@ class EnableActivity(Activity):
             return False
         return True
 
-    def _stands(self, image: AxisImage, order: CycleOutputs) -> bool:
+    def _is_at_standstill(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether a running quick stop has come to rest; without 6064h this is unknown, and the drive decides."""
         if image.standstill or image.position is None:
             return True
         order.goal = image.state
-        if self._stand_deadline is None:
-            self._stand_deadline = image.now + self._parameters.stop_times.quick_stop
-        if image.now > self._stand_deadline:
+        if self._standstill_deadline is None:
+            self._standstill_deadline = image.now + self._parameters.stop_times.quick_stop
+        if image.now > self._standstill_deadline:
             raise StateError(
                 f"{self._parameters.name}: the axis cannot be enabled, it still moves in quick stop active",
                 observed=f"no standstill for {self._parameters.stop_times.quick_stop:g} s",
@@ -305,7 +305,7 @@ class EnableActivity(Activity):
             )
         return False
 
-    def _check_kept(self, image: AxisImage) -> None:
+    def _check_power_kept(self, image: AxisImage) -> None:
         """Raise DriveError if power was lost while the mode was awaited: it is not switched on a second time."""
         if self._enabled and image.state is not PowerState.UNKNOWN:
             raise DriveError(
@@ -392,13 +392,13 @@ class EnableRest:
         if self._after is None:
             self._after = StandstillCheck(self._parameters, image.now)
             self._deadline = image.now + self._parameters.timing.transition
-        stands = self._after.seen(image)
+        at_standstill = self._after.seen(image)
         unrest = None if found or self._moving else self._watch.error(image)
         if unrest is not None:
             raise unrest
-        if not stands and image.now > self._deadline:
+        if not at_standstill and image.now > self._deadline:
             raise self._restless(self._after.why_not(image))
-        return stands
+        return at_standstill
 
     def _refused(self, why: str) -> StateError:
         name, time = self._parameters.name, self._parameters.timing.transition

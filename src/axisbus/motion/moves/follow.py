@@ -14,7 +14,7 @@ from axisbus.errors import AxisbusError, LimitError, MotionTimeout
 from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
-from axisbus.motion.moves.activity import Activity, Leading, require_position, where_text
+from axisbus.motion.moves.activity import Activity, SetPointSource, require_position, where_text
 from axisbus.motion.moves.interpolation import CyclicSetup
 from axisbus.motion.moves.interpolation import interpolation_period as interpolation_period
 from axisbus.motion.moves.mode_switch import ModeSwitch
@@ -61,7 +61,7 @@ _ARRIVAL = 2.0  # seconds that the axis may need to reach the last target
 Foreseen = tuple[float, float, int]
 # Of a path: the position at a time, its duration, whether the look-ahead is needed, the period, the highest velocity and
 # acceleration, the limits, and the conversion of a position to a target: its factor, and the origin.
-_Way = tuple[Callable[[float], float], float, bool, float, float, float, float, float, float, int]
+_PathValues = tuple[Callable[[float], float], float, bool, float, float, float, float, float, float, int]
 _tuple = tuple.__new__  # makes a named tuple of values known to fit, without the call of its own ``__new__``
 
 
@@ -73,7 +73,7 @@ class Follow(Activity):
 
     mode = ModeOfOperation.CYCLIC_SYNC_POSITION
     ends_at_rest = True
-    foresees: ClassVar[bool] = True  # ``foresee`` and ``go_on`` are all of its step
+    foresees: ClassVar[bool] = True  # ``foresee`` and ``use_foreseen`` are all of its step
 
     def __init__(
         self,
@@ -87,7 +87,9 @@ class Follow(Activity):
         Without ``travel``, the path is followed by time, and a halt brakes the axis's own path with its deceleration.
         """
         self._trajectory: CheckedTrajectory | None = None
-        self._told: Trajectory | None = None  # the trajectory itself, for its properties known in advance
+        self._raw_trajectory: Trajectory | None = (
+            None  # the trajectory itself, for its properties known in advance
+        )
         self._stream: Streamed | None = None  # the trajectory, if it arrives in parts
         self._parameters = parameters
         self._units = parameters.units.position
@@ -111,15 +113,15 @@ class Follow(Activity):
         self._limits: PositionRange | None = (
             None  # the permitted range: within both, the limits widened to its start
         )
-        self._comes_back = False  # the axis moves back from beyond the limits
+        self._is_returning = False  # the axis moves back from beyond the limits
         self._is_known = False  # the path is known in advance, and checked as a whole
         self._stepped = False
         self._pace: PathLimitCheck | None = None
         # The step to the last target, before it was rounded to increments.
         self._step: PathSample | None = None
         self._brake = 0.0  # unit/s²: its own braking deceleration; 0: it does not brake on its own
-        self._known_way: _Way | None = None
-        self._most = 1.0  # the highest override that keeps the path within the limits of its axis
+        self._path_values: _PathValues | None = None
+        self._highest_override = 1.0  # the highest override that keeps the path within the limits of its axis
         self.brakes_along = False
         self.shifted = 0.0  # distance of the commanded position from the path: the superimposed distance
         self._addition: Addition | None = None  # that still changes ``shifted``
@@ -129,15 +131,15 @@ class Follow(Activity):
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the axis has reached the end of the trajectory."""
         self._stepped = True
-        goes_on = (
+        continues = (
             self._running and image.position is not None
         )  # a running one is prepared, and its start barrier stays open
-        if goes_on and self._own_clock and not self.clock.braking:
-            self._keep_pace(image.override)
+        if continues and self._own_clock and not self.clock.braking:
+            self._apply_override(image.override)
         if self._addition is not None:
             self._addition.factor = image.override
         trajectory = self._trajectory
-        if not goes_on and (not self._prepare(image, order) or trajectory is None):
+        if not continues and (not self._prepare(image, order) or trajectory is None):
             return False
         assert trajectory is not None
         clock, after = self.clock, None
@@ -154,7 +156,7 @@ class Follow(Activity):
             return False
         return self._arrived(image)
 
-    def lay_over(self, addition: Addition) -> None:
+    def superimpose(self, addition: Addition) -> None:
         """Superimpose a distance on the path from the next cycle on; it continues at the rate of the one that it replaces."""
         if self._addition is not None:
             addition.continue_from(self._addition)
@@ -170,36 +172,36 @@ class Follow(Activity):
             clock.braking
             or before is None
             or not self._running
-            or self._comes_back
+            or self._is_returning
             or self._addition is not None
             or (self._own_clock and not self._time.is_even)
         ):
             return None
-        way = self._known_way or self._get_to_know()
-        position, duration, looks, period, fastest, hardest, lowest, highest, factor, origin = way
+        path = self._path_values or self._collect_path_values()
+        position, duration, looks, period, fastest, hardest, lowest, highest, factor, origin = path
         t = clock.t + period if self._own_clock else clock.t
         if t >= duration:
             return None
         braked = self.brakes_along
         try:
             if looks:
-                self._look_beyond()
-            place = position(t)
-            target = round(place * factor) + origin
+                self._check_path_ahead()
+            path_position = position(t)
+            target = round(path_position * factor) + origin
         except (AxisbusError, OverflowError):  # ``step`` finds this error again, and raises it
             self.brakes_along = braked
             return None
-        velocity = (place - before.position) / period
+        velocity = (path_position - before.position) / period
         if (
             -fastest <= velocity <= fastest
             and -hardest <= (velocity - before.velocity) / period <= hardest
-            and lowest <= place <= highest
+            and lowest <= path_position <= highest
             and INT32_LEAST <= target < INT32_HALF
         ):
-            return place, velocity, target
+            return path_position, velocity, target
         return None
 
-    def _get_to_know(self) -> _Way:
+    def _collect_path_values(self) -> _PathValues:
         """Collect the values that every cycle needs from the path, and that stay constant while the axis is on it."""
         trajectory, pace, limits = self._trajectory, self._pace, self._limits or UNLIMITED
         assert trajectory is not None
@@ -207,8 +209,8 @@ class Follow(Activity):
         looks = self._own_clock and (
             self._stream is not None or (self._limits is not None and not self._is_known)
         )
-        self._known_way = way = (
-            partial(self._way, trajectory) if self.shifted else trajectory.position,
+        self._path_values = path = (
+            partial(self._axis_position, trajectory) if self.shifted else trajectory.position,
             trajectory.duration,
             looks,
             self._period,
@@ -218,15 +220,15 @@ class Follow(Activity):
             self._units.factor,
             self._origin,
         )
-        return way
+        return path
 
-    def go_on(self, foreseen: Foreseen, now: float) -> int:
+    def use_foreseen(self, foreseen: Foreseen, now: float) -> int:
         """Use the foreseen target in the cycle at ``now``, as ``step`` does; return the target in increments."""
         self._stepped = True
         if self._own_clock:
             self._time.run_on(self._period)  # a foreseen target implies an even clock
-        place, velocity, self._last = foreseen
-        self._step = _tuple(PathSample, (place, velocity))
+        path_position, velocity, self._last = foreseen
+        self._step = _tuple(PathSample, (path_position, velocity))
         self.rests_from = now
         return self._last
 
@@ -242,8 +244,11 @@ class Follow(Activity):
 
     def begin(self, trajectory: Trajectory) -> None:
         """Take the trajectory that the group has planned."""
-        self._trajectory, self._told = CheckedTrajectory(trajectory, self._parameters.name), trajectory
-        self._known_way = None
+        self._trajectory, self._raw_trajectory = (
+            CheckedTrajectory(trajectory, self._parameters.name),
+            trajectory,
+        )
+        self._path_values = None
         if isinstance(trajectory, Streamed):
             self._stream = trajectory
             trajectory.brakes_with(self._parameters.path_deceleration, self._parameters.scan_period)
@@ -254,12 +259,12 @@ class Follow(Activity):
         self._own_clock = False
         self.begin(trajectory)
 
-    def lead_on(self, trajectory: Trajectory) -> None:
+    def replace_trajectory(self, trajectory: Trajectory) -> None:
         """Continue along another trajectory, which has the same position and speed as the previous one at this time."""
         self.begin(trajectory)
         if self._running:
             self._pace = limit_check_of(self._parameters, trajectory)
-            self._most = _most(trajectory, self._pace)
+            self._highest_override = _highest_override(trajectory, self._pace)
 
     def take_stepped(self) -> bool:
         """Return whether it was stepped, by its axis's command or stop, since the last call."""
@@ -268,17 +273,17 @@ class Follow(Activity):
 
     def resume(self, before: Follow) -> None:
         """Continue from the last target of ``before``, one cycle ago, with the trajectory that has been begun."""
-        assert self._told is not None
+        assert self._raw_trajectory is not None
         self._prepared = self._running = True
-        self._known_way = None
+        self._path_values = None
         self._last, self._step = before._last, before._step
         if self._step is not None:
             self._time.start_at(self._step.velocity)
         self._edges, self._count, self._limits = before._edges, before._count, before._limits
-        self._comes_back = before._comes_back
+        self._is_returning = before._is_returning
         self._origin = before._origin
-        self._pace = limit_check_of(self._parameters, self._told)
-        self._most = _most(self._told, self._pace)
+        self._pace = limit_check_of(self._parameters, self._raw_trajectory)
+        self._highest_override = _highest_override(self._raw_trajectory, self._pace)
 
     @property
     def is_under_way(self) -> bool:
@@ -292,7 +297,7 @@ class Follow(Activity):
         return self._step
 
     @property
-    def room(self) -> PositionRange:
+    def permitted_range(self) -> PositionRange:
         """The permitted range of its positions, in units."""
         return self._limits or UNLIMITED
 
@@ -308,23 +313,23 @@ class Follow(Activity):
 
         If the path brakes, the mean is higher, and a move that was planned with it would pass its end.
         """
-        way = self._told
-        if isinstance(way, ProfileFromSpeed) and self._own_clock and self._time.rate == 1.0:
-            return way.speed(self.clock.t)
+        path = self._raw_trajectory
+        if isinstance(path, ProfileFromSpeed) and self._own_clock and self._time.rate == 1.0:
+            return path.speed(self.clock.t)
         return self.path_step.velocity
 
     @property
     def acceleration(self) -> float:
         """The present acceleration of the trajectory (unit/s²) if it is known; else 0."""
-        way, t = self._told, self.clock.t
-        if not isinstance(way, ProfileFromSpeed) or self._addition is not None:
+        path, t = self._raw_trajectory, self.clock.t
+        if not isinstance(path, ProfileFromSpeed) or self._addition is not None:
             return 0.0
         if not self._own_clock or self._time.rate != 1.0:
             return 0.0
-        return (way.speed(t) - way.speed(t - self._period)) / self._period
+        return (path.speed(t) - path.speed(t - self._period)) / self._period
 
     @property
-    def leads_now(self) -> Follow:
+    def commanding_path(self) -> Follow:
         """The path that commands the axis in this cycle: itself, once it has begun."""
         return self
 
@@ -339,7 +344,7 @@ class Follow(Activity):
             return True
         deceleration = self._parameters.path_deceleration
         if deceleration and not self.clock.braking:
-            self._time.brake(partial(self._way, self._trajectory), deceleration)
+            self._time.brake(partial(self._axis_position, self._trajectory), deceleration)
         return self.clock.braking
 
     def brake_hard(self) -> None:
@@ -356,10 +361,10 @@ class Follow(Activity):
             return False
         if self._travel is None and self._own_clock and self.clock.braking:
             return True
-        (at, speed), room = self._step, self._limits or UNLIMITED
+        (at, speed), permitted_range = self._step, self._limits or UNLIMITED
         if self._edges is not None:
-            room = widened(self._edges, at, 0.0)
-        if rest_beyond(room, at, speed, usual) is None:
+            permitted_range = widened(self._edges, at, 0.0)
+        if rest_beyond(permitted_range, at, speed, usual) is None:
             self._brake = usual
             self.begin(
                 ProfileFromSpeed(
@@ -367,7 +372,9 @@ class Follow(Activity):
                 )
             )
         else:
-            self._brake = down = braking(room, at, speed, usual, max(usual, self._hardest), self._period)
+            self._brake = down = braking(
+                permitted_range, at, speed, usual, max(usual, self._hardest), self._period
+            )
             self.begin(SampledTrajectory(steps_to_rest(at, speed, down, self._period), self._period))
         self._travel, self._own_clock = None, True
         self.shifted, self._addition = 0.0, None  # the sum of both is braked
@@ -378,7 +385,7 @@ class Follow(Activity):
     @property
     def _hardest(self) -> float:
         """The hardest permitted deceleration of a stop: that of a stop of this axis, or that of its trajectory if it is harder."""
-        limit, as_text = self._parameters.limits.acceleration, self._told
+        limit, as_text = self._parameters.limits.acceleration, self._raw_trajectory
         own = as_text.top_acceleration if limit is None and isinstance(as_text, Ramped) else 0.0
         return max(own, self._parameters.hardest_deceleration or 0.0)
 
@@ -390,7 +397,7 @@ class Follow(Activity):
         return not self._running or self._step is None or (rests and self._addition is None)
 
     @property
-    def leading(self) -> Leading | None:
+    def set_point_source(self) -> SetPointSource | None:
         """This trajectory itself."""
         return self
 
@@ -405,7 +412,7 @@ class Follow(Activity):
         self._stop_ramp.cancel(order)
         self._mode.cancel(order)
 
-    def _way(self, trajectory: Trajectory, t: float) -> float:
+    def _axis_position(self, trajectory: Trajectory, t: float) -> float:
         end = trajectory.duration
         return trajectory.position(0.0 if t < 0.0 else end if t > end else t) + self.shifted
 
@@ -422,7 +429,7 @@ class Follow(Activity):
 
     def _start(self, image: AxisImage) -> None:
         assert self._trajectory is not None
-        assert self._told is not None
+        assert self._raw_trajectory is not None
         units = self._parameters.units.position
         reference = self.reference(image)
         first = units.to_increments(self._trajectory.position(self.clock.t)) + image.origin
@@ -435,35 +442,37 @@ class Follow(Activity):
                 remedy="begin it at axis.position",
             )
         self._running = True
-        self._known_way = None
+        self._path_values = None
         self._last, self._origin = reference, image.origin
-        self._is_known = isinstance(self._told, LookaheadTrajectory)
-        self._pace = limit_check_of(self._parameters, self._told)
-        self._most = _most(self._told, self._pace)
-        self._bind(
+        self._is_known = isinstance(self._raw_trajectory, LookaheadTrajectory)
+        self._pace = limit_check_of(self._parameters, self._raw_trajectory)
+        self._highest_override = _highest_override(self._raw_trajectory, self._pace)
+        self._set_limits(
             self._parameters.limits.position,
             *(units.to_units(at - image.origin) for at in (reference, first)),
         )
-        self._require_count(self._told)
+        self._require_count(self._raw_trajectory)
 
-    def _bind(self, edges: tuple[float, float] | None, *places: float) -> None:
-        """Apply the limits ``edges`` (None: no limits) and the drive's count from now on; ``places``: positions of the axis."""
+    def _set_limits(self, edges: tuple[float, float] | None, *positions: float) -> None:
+        """Apply the limits ``edges`` (None: no limits) and the drive's count from now on; ``positions``: positions of the axis."""
         units = self._parameters.units
-        self._edges, self._count, self._comes_back = edges, None, False
+        self._edges, self._count, self._is_returning = edges, None, False
         if units.modulo is None and not self._parameters.virtual:
-            count = count_range(units.position.to_increments(places[0]) + self._origin)
+            count = count_range(units.position.to_increments(positions[0]) + self._origin)
             self._count = PositionRange(*sorted(units.position.to_units(end - self._origin) for end in count))
         self._limits = self._count
         if edges is None:
             return
-        self._comes_back = any(is_beyond(edges, place, self._noise) for place in places)
-        self._is_known = self._is_known and not self._comes_back
-        room = edges
-        for place in places:
-            room = widened(room, place, 0.0)
+        self._is_returning = any(is_beyond(edges, path_position, self._noise) for path_position in positions)
+        self._is_known = self._is_known and not self._is_returning
+        permitted_range = edges
+        for path_position in positions:
+            permitted_range = widened(permitted_range, path_position, 0.0)
         margin = abs(units.position.to_units(1))  # possible error of a trajectory's arithmetic
         low, high = self._count or UNLIMITED
-        self._limits = PositionRange(max(room[0] - margin, low), min(room[1] + margin, high))
+        self._limits = PositionRange(
+            max(permitted_range[0] - margin, low), min(permitted_range[1] + margin, high)
+        )
 
     @property
     def _noise(self) -> float:
@@ -477,17 +486,17 @@ class Follow(Activity):
         for end in trajectory.span:
             if not self._count.has(end):
                 seen = f"it would move to {end:.10g} {self._units.unit}"
-                raise self._leaves_count("the trajectory", seen, "left where it was")
+                raise self._count_exceeded("the trajectory", seen, "left where it was")
 
-    def _keep_pace(self, override: float) -> None:
+    def _apply_override(self, override: float) -> None:
         """Let the time of the trajectory run at ``override``, as far as this exceeds no limit."""
-        time, factor = self._time, min(override, self._most)
+        time, factor = self._time, min(override, self._highest_override)
         if factor == 1.0 and time.is_even:
             return
         assert self._trajectory is not None
         assert self._pace is not None
         ramps = [ramp for ramp in (self._parameters.path_deceleration, self._pace.acceleration) if ramp]
-        time.aim(factor, partial(self._way, self._trajectory), min(ramps, default=None))
+        time.aim(factor, partial(self._axis_position, self._trajectory), min(ramps, default=None))
 
     def _look_ahead(self, trajectory: CheckedTrajectory) -> PathSample:
         """Return the step to the next target; raise an error if it exceeds a limit, or the path after it could not be braked.
@@ -495,99 +504,101 @@ class Follow(Activity):
         The path is then braked from its present position (``brakes_along``). If the path breaks off, the drive's quick stop
         brakes.
         """
-        self._look_beyond()
+        self._check_path_ahead()
         assert self._pace is not None
         assert self._step is not None
         t, before, end = self._time.next(self._period), self._step, trajectory.duration
-        place = trajectory.position(t if t < end else end)
+        path_position = trajectory.position(t if t < end else end)
         if self._addition is not None:
-            self._go_on_with(self._addition, place)
-        after = self._pace.next(before, place + self.shifted)
+            self._advance_addition(self._addition, path_position)
+        after = self._pace.next(before, path_position + self.shifted)
         found = self._pace.excess(before, after)
         if found is not None:
             self._refuse(found, trajectory, t)
         return after
 
-    def _look_beyond(self) -> None:
+    def _check_path_ahead(self) -> None:
         """Raise an error if the axis could soon no longer brake within the known path, or within its limits."""
         trajectory = self._trajectory
         assert trajectory is not None
         if self._stream is not None:
-            self._look_at_stream(self._stream)
+            self._check_stream(self._stream)
         if self._limits is not None and not self._is_known and self._may_leave(self._limits):
-            self._look_at_limits(partial(self._way, trajectory), self._limits)
+            self._check_limits_ahead(partial(self._axis_position, trajectory), self._limits)
 
-    def _look_at_stream(self, stream: Streamed) -> None:
+    def _check_stream(self, stream: Streamed) -> None:
         """Check that the axis can still brake within the known part of the path."""
         error = stream.shortage(self.clock.t, self._parameters.name, self._time.rate)
         if error is not None:
             self.brakes_along = bool(self._parameters.path_deceleration)
             raise error
 
-    def _may_leave(self, room: PositionRange) -> bool:
+    def _may_leave(self, permitted_range: PositionRange) -> bool:
         """Whether the axis may come near the ends of its range; those of a drive's count are nearly always far away."""
         if self._edges is not None or self._step is None:
             return True
-        far = _NEAR_ITS_END * (room.high - room.low)
-        return not room.low + far < self._step.position < room.high - far
+        far = _NEAR_ITS_END * (permitted_range.high - permitted_range.low)
+        return not permitted_range.low + far < self._step.position < permitted_range.high - far
 
-    def _look_at_limits(self, way: Path, limits: tuple[float, float]) -> None:
+    def _check_limits_ahead(self, path: Path, limits: tuple[float, float]) -> None:
         """Look as far ahead as braking takes; a path known in advance has been checked before."""
         deceleration = self._parameters.path_deceleration
         if not deceleration:
             return
-        found = excess(way, self.clock.t, self._period, limits, deceleration)
+        found = excess(path, self.clock.t, self._period, limits, deceleration)
         if found is not None:
             self.brakes_along = True
-            raise self._leaves(found)
+            raise self._leaving_error(found)
 
     def _refuse(self, found: LimitExceeded, trajectory: Trajectory, t: float) -> NoReturn:
         """End the motion in the cycle before the target at ``t``, which would exceed a limit."""
-        ramp, way, speed = (
+        ramp, path, speed = (
             self._parameters.path_deceleration,
-            partial(self._way, trajectory),
+            partial(self._axis_position, trajectory),
             self.last_step.velocity,
         )
         self.brakes_along = bool(ramp) and brakes_smoothly(
-            way, self.clock.t, self._period, speed, ramp or 0.0
+            path, self.clock.t, self._period, speed, ramp or 0.0
         )
-        raise self._too_much(found, t)
+        raise self._limit_exceeded(found, t)
 
     def _target(self, trajectory: Trajectory, known: PathSample | None) -> int:
         """Return the target of this cycle, in increments; ``known``: the step to it, if it was checked in advance."""
         limits, t = self._limits, self.clock.t
         if known is None and self._addition is not None:
-            self._go_on_with(self._addition, self._way(trajectory, t) - self.shifted)
-        value = self._way(trajectory, t) if known is None else known.position
+            self._advance_addition(self._addition, self._axis_position(trajectory, t) - self.shifted)
+        value = self._axis_position(trajectory, t) if known is None else known.position
         if limits is not None and not self._brake and not limits.has(value):
-            raise self._leaves(None, value)
+            raise self._leaving_error(None, value)
         if known is None:
-            self._go_to(value)
+            self._record_step(value)
         else:
             self._step = known
-        if self._comes_back:
-            self._come_back(value)
+        if self._is_returning:
+            self._narrow_limits(value)
         self._last = last = self._units.to_increments(value) + self._origin
         return last
 
-    def _come_back(self, position: float) -> None:
+    def _narrow_limits(self, position: float) -> None:
         """Narrow the permitted range while the axis moves back inside its limits."""
         assert self._edges is not None
         assert self._limits is not None
         self._limits = narrowed(self._limits, self._edges, position, self._noise)
-        self._comes_back = is_beyond(self._edges, position, self._noise)
-        self._known_way = None
+        self._is_returning = is_beyond(self._edges, position, self._noise)
+        self._path_values = None
 
-    def _go_on_with(self, addition: Addition, place: float) -> None:
-        """Advance the superimposed distance, with the path at ``place``, within the permitted velocity and acceleration."""
+    def _advance_addition(self, addition: Addition, path_position: float) -> None:
+        """Advance the superimposed distance, with the path at ``path_position``, within the permitted velocity and acceleration."""
         pace, step = self._pace, self._step
-        if pace is None or step is None or self._told is None:
+        if pace is None or step is None or self._raw_trajectory is None:
             return  # the first target is the axis's position
         if not addition.is_admitted:
-            pace = self._pace = self._admit(addition, self._told)
-        velocity = (place + self.shifted - step.position) / self._period
+            pace = self._pace = self._admit(addition, self._raw_trajectory)
+        velocity = (path_position + self.shifted - step.position) / self._period
         if self._limits is not None and not self._is_known:
-            error = look_ahead(addition, place + self.shifted, velocity, pace, self._limits, self._parameters)
+            error = look_ahead(
+                addition, path_position + self.shifted, velocity, pace, self._limits, self._parameters
+            )
             if error is not None:
                 addition.halt(error)
         fastest = math.inf if pace.velocity is None else pace.velocity
@@ -603,7 +614,7 @@ class Follow(Activity):
         self.shifted += addition.value - before
         if addition.over:
             self._addition = None
-        self._known_way = None
+        self._path_values = None
 
     def _admit(self, addition: Addition, path: Trajectory) -> PathLimitCheck:
         """Check the properties of the path that are known in advance; return the limits of the sum."""
@@ -618,7 +629,7 @@ class Follow(Activity):
         # Which then only detects a jump.
         return replace(pace, acceleration=pace.acceleration + addition.hardest)
 
-    def _go_to(self, value: float) -> None:
+    def _record_step(self, value: float) -> None:
         """Record the step to the next target; a target that exceeds a limit is never sent, whatever was checked in advance."""
         assert self._pace is not None
         if self._step is None:
@@ -627,7 +638,7 @@ class Follow(Activity):
         after = self._pace.next(self._step, value)
         found = self._pace.excess(self._step, after, self._braked_by if self.clock.braking else 0.0)
         if found is not None:
-            raise self._too_much(found, self.clock.t)
+            raise self._limit_exceeded(found, self.clock.t)
         self._step = after
 
     @property
@@ -635,7 +646,7 @@ class Follow(Activity):
         """The permitted deceleration of a braked path, in unit/s²."""
         return _BRAKING * max(self._brake, self._parameters.path_deceleration or 0.0)
 
-    def _too_much(self, found: LimitExceeded, t: float) -> LimitError:
+    def _limit_exceeded(self, found: LimitExceeded, t: float) -> LimitError:
         name = self._parameters.name
         how = "braked along it" if self.brakes_along else "stopped"
         return LimitError(
@@ -644,7 +655,7 @@ class Follow(Activity):
             remedy=f"slow the trajectory down or smooth it, or raise the limit in [axes.{name}] of cell.toml; the axis was {how}",
         )
 
-    def _leaves(self, found: Excess | None, value: float = 0.0) -> LimitError:
+    def _leaving_error(self, found: Excess | None, value: float = 0.0) -> LimitError:
         name, unit = self._parameters.name, self._parameters.units.position.unit
         seen = (
             f"{value:g} {unit} at {self.clock.as_text(self.clock.t)}"
@@ -654,20 +665,20 @@ class Follow(Activity):
         )
         how = "stopped" if found is None else "braked along it, to stop within them"
         if self._edges is None:
-            return self._leaves_count("the trajectory", seen, how)
+            return self._count_exceeded("the trajectory", seen, how)
         return LimitError(
             f"{name}: the trajectory leaves the position limits",
             observed=f"{seen}; the allowed range is {self._edges[0]:g} to {self._edges[1]:g}",
             remedy=f"change the trajectory, or position_limits in [axes.{name}] of cell.toml; the axis was {how}",
         )
 
-    def _leaves_count(self, what: str, seen: str, how: str) -> LimitError:
+    def _count_exceeded(self, what: str, seen: str, how: str) -> LimitError:
         """Return the error for the case that ``what`` moves the axis beyond the positions that its drive can count."""
-        name, unit, room = self._parameters.name, self._parameters.units.position.unit, self._count
-        assert room is not None
+        name, unit, permitted_range = self._parameters.name, self._parameters.units.position.unit, self._count
+        assert permitted_range is not None
         return LimitError(
             f"{name}: {what} leaves the drive's position range (INTEGER32)",
-            observed=f"{seen}; the range of the drive is {room.low:.10g} to {room.high:.10g} {unit}",
+            observed=f"{seen}; the range of the drive is {permitted_range.low:.10g} to {permitted_range.high:.10g} {unit}",
             remedy=f"home {name} nearer to its working range, or set modulo in [axes.{name}] of cell.toml for an endless "
             f"axis; the axis was {how}",
         )
@@ -702,7 +713,7 @@ class Follow(Activity):
         )
 
 
-def _most(trajectory: Trajectory, pace: PathLimitCheck) -> float:
+def _highest_override(trajectory: Trajectory, pace: PathLimitCheck) -> float:
     """Return the highest override of a trajectory: 1 if its velocity and acceleration are not known in advance.
 
     If its time runs faster by a factor, the velocity increases by the factor, and the acceleration by its square.

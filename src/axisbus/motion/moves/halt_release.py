@@ -11,7 +11,7 @@ interrupted. So the bit falls only if nothing is left that moves the axis, and t
    set-point (``HoldSetPoint``), under halt. Bit 4 has been low for ``acknowledge`` seconds before, so that no acknowledge of an
    earlier set-point is still to come. The handshake is made twice: if a later acknowledge does come, it ends the first
    handshake, and only the acknowledge of the first edge can end the second one.
-3. STAND: the axis is seen at standstill, and nothing pulls it.
+3. STANDSTILL: the axis is seen at standstill, and nothing pulls it.
 4. RELEASE: the halt bit falls. From now on, the position is monitored: an axis that moves is stopped by a quick stop.
 
 If the drive does not acknowledge the set-point, the halt bit stays set, unless the master has given no set-point since the drive
@@ -45,7 +45,7 @@ class HaltReleasePhase(Enum):
 
     WITHDRAW = "withdraw"
     REPLACE = "replace"
-    STAND = "stand"
+    STANDSTILL = "standstill"
     RELEASE = "release"
 
 
@@ -81,7 +81,7 @@ class HaltRelease:
         self._monitor = StandstillMonitor(parameters, _WHY, parameters.position_tolerance)
         self._phase = HaltReleasePhase.WITHDRAW
         self._after = after_halt(image, parameters)
-        self._was_idle = image.led.idle
+        self._was_idle = image.reference_tracker.idle
         self.refusal = "" if self._after is not None else _why_unknown(image, parameters)
         self.done = False
 
@@ -134,7 +134,7 @@ class HaltRelease:
             self.refusal = "the drive does not keep its present mode"  # bit 4 may have another meaning now
         elif phase is HaltReleasePhase.REPLACE:
             if self._replaced(image, order):
-                self._enter(HaltReleasePhase.STAND, image)
+                self._enter(HaltReleasePhase.STANDSTILL, image)
         elif self._check.seen(image):
             self._enter(HaltReleasePhase.RELEASE, image)
             order.halt = False
@@ -170,7 +170,7 @@ class HaltRelease:
         return image.statusword is not None and not image.statusword & sw.INTERNAL_LIMIT
 
     def _late(self, image: AxisImage) -> str:
-        if self._phase is HaltReleasePhase.STAND:
+        if self._phase is HaltReleasePhase.STANDSTILL:
             return f"the axis is not seen at standstill: {self._check.why_not(image)}"
         if self._phase is HaltReleasePhase.WITHDRAW:
             return "the drive does not confirm its present mode"
@@ -205,10 +205,13 @@ def _is_loaded(image: AxisImage, parameters: AxisParameters) -> bool:
 
 def _has_ended(image: AxisImage, parameters: AxisParameters) -> bool:
     """Whether no set-point is left: none was given, or the axis is at the last one and was seen to move there."""
-    led = image.led
-    if led.idle or led.set_point is None or image.position is None:
-        return led.idle
-    return led.taken == led.set_point and abs(led.set_point - image.position) <= parameters.pull_window
+    reference_tracker = image.reference_tracker
+    if reference_tracker.idle or reference_tracker.set_point is None or image.position is None:
+        return reference_tracker.idle
+    return (
+        reference_tracker.taken == reference_tracker.set_point
+        and abs(reference_tracker.set_point - image.position) <= parameters.pull_window
+    )
 
 
 def _remove_torque(image: AxisImage, order: CycleOutputs) -> None:

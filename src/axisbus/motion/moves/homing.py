@@ -67,9 +67,9 @@ class HomingRun(Activity):
         self._stale = 0  # bits of the statusword that were high before the edge, as after a former homing
         self._seen_low = 0  # bits of the statusword that were low since the edge
         self._found = False  # some drives clear bit 12 again before standstill is seen
-        self._words = 0  # number of statuswords received since the edge
+        self._word_count = 0  # number of statuswords received since the edge
         self._newest = -math.inf
-        self.course = _course(job, parameters)
+        self.commanded = _commanded_motion(job, parameters)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive reports home attained and target reached.
@@ -128,7 +128,7 @@ class HomingRun(Activity):
     def _note(self, word: int, stamp: float) -> None:
         self._seen_low |= ~word
         if stamp > self._newest:
-            self._words, self._newest = self._words + 1, stamp
+            self._word_count, self._newest = self._word_count + 1, stamp
 
     def _settled(self, image: AxisImage, bit: int) -> bool:
         """Whether the bit belongs to this run: it was seen low, or a word received well after the edge has it.
@@ -141,7 +141,7 @@ class HomingRun(Activity):
         may_begin_late = self._stale & bit and self._job.method not in homing.IN_PLACE
         settled = self._since + (max(timing.settle, timing.acknowledge) if may_begin_late else timing.settle)
         late = image.now > settled if image.statusword_by_event else image.statusword_stamp > settled
-        return bool(self._seen_low & bit) or (late and (self._words > 1 or image.statusword_by_event))
+        return bool(self._seen_low & bit) or (late and (self._word_count > 1 or image.statusword_by_event))
 
     def _error(self, image: AxisImage, why: str) -> HomingError:
         name, method = self._parameters.name, self._job.method
@@ -154,7 +154,7 @@ class HomingRun(Activity):
         )
 
 
-def _course(job: HomingJob, parameters: AxisParameters) -> CommandedMotion | None:
+def _commanded_motion(job: HomingJob, parameters: AxisParameters) -> CommandedMotion | None:
     """Return the motion with the highest search speed of the drive; None if it is not known."""
     speeds = [speed for speed in (job.speed_switch, job.speed_zero) if speed is not None]
     units = parameters.units

@@ -33,7 +33,7 @@ class CyclicSetup:
     If an entry of 60C2h is read-only in the EDS, it stays unchanged; the drive must have the scan period nevertheless.
     """
 
-    __slots__ = ("_look", "_offsets", "_parameters", "_purpose", "_read", "_wanted", "_write")
+    __slots__ = ("_exponent_read", "_offsets", "_parameters", "_purpose", "_read", "_wanted", "_write")
 
     def __init__(self, parameters: AxisParameters, purpose: str = "follow a trajectory") -> None:
         """``purpose``: the action that requires this, as text for the user."""
@@ -44,7 +44,7 @@ class CyclicSetup:
         self._offsets = no_offsets(parameters, frozenset() if given is None else given.objects)
         present = parameters.has(_PERIOD)
         has_own_exponent = present and (_PERIOD, 2) in parameters.read_only
-        self._look = SdoTransfers([(_PERIOD, 2, None)] if has_own_exponent else [], parameters)
+        self._exponent_read = SdoTransfers([(_PERIOD, 2, None)] if has_own_exponent else [], parameters)
         self._write: SdoTransfers | None = None
         self._read = SdoTransfers([(_PERIOD, 1, None), (_PERIOD, 2, None)] if present else [], parameters)
 
@@ -57,10 +57,12 @@ class CyclicSetup:
         if not self._offsets.step(image, order):
             return False
         try:
-            if not self._look.step(image, order):
+            if not self._exponent_read.step(image, order):
                 return False
             if self._write is None:
-                self._write = SdoTransfers(self._items(self._look.values.get((_PERIOD, 2))), self._parameters)
+                self._write = SdoTransfers(
+                    self._items(self._exponent_read.values.get((_PERIOD, 2))), self._parameters
+                )
             if not self._write.step(image, order) or not self._read.step(image, order):
                 return False
         except (DriveError, LimitError) as error:
@@ -91,7 +93,7 @@ class CyclicSetup:
 
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued transfers."""
-        for transfers in (self._offsets, self._look, self._write, self._read):
+        for transfers in (self._offsets, self._exponent_read, self._write, self._read):
             if transfers is not None:
                 transfers.cancel(order)
 

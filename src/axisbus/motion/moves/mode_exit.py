@@ -45,9 +45,9 @@ class PathExit:
         if self._path.at_rest:
             return True
         self._steps.append(self._path.last_step)
-        low, high = self._path.room
-        room = PositionRange(low - self._increment, high + self._increment)
-        return all(self._fits(room, *step) for step in (*self._steps, self._ahead()))
+        low, high = self._path.permitted_range
+        permitted_range = PositionRange(low - self._increment, high + self._increment)
+        return all(self._fits(permitted_range, *step) for step in (*self._steps, self._ahead()))
 
     def _ahead(self) -> tuple[float, float]:
         """Return the position and velocity at which the drive takes the mode if the path goes on as it does."""
@@ -58,8 +58,8 @@ class PathExit:
             return at, velocity
         return at + 0.5 * (velocity + later) * time, later
 
-    def _fits(self, room: PositionRange, at: float, velocity: float) -> bool:
-        return rest_beyond(room, at + velocity * self._soft, velocity, self._down) is None
+    def _fits(self, permitted_range: PositionRange, at: float, velocity: float) -> bool:
+        return rest_beyond(permitted_range, at + velocity * self._soft, velocity, self._down) is None
 
 
 def velocity_exit(

@@ -16,7 +16,7 @@ from axisbus.motion.moves.halt_release import HaltRelease
 from axisbus.motion.moves.setpoint import SetPoint
 from axisbus.motion.parameters import AxisParameters, HoldsLoad
 
-Lead = Callable[[AxisImage, CycleOutputs], object]
+SourceStep = Callable[[AxisImage, CycleOutputs], object]
 
 
 class ModeSwitch:
@@ -24,21 +24,33 @@ class ModeSwitch:
 
     Nothing jumps: while the mode changes, the position target is ``reference`` (actual position from disabled, demand when
     enabled), and velocity and torque targets are 0 (on an axis that holds a load, the torque is the actual one). An axis that
-    follows a trajectory continues along it (``lead``), because in a cyclic mode a target that does not continue causes a jolt.
+    follows a trajectory continues along it (``step_source``), because in a cyclic mode a target that does not continue causes a
+    jolt.
 
     An axis that was halted stays halted while its mode changes. If the drive does not accept the mode in time, it may ignore 6060h
     while the halt bit is set. Then the halt bit is cleared (``HaltRelease``), and the mode is requested again.
     """
 
-    __slots__ = ("_begun", "_deadline", "_lead", "_left", "_mode", "_parameters", "_reference", "_release")
+    __slots__ = (
+        "_begun_at",
+        "_deadline",
+        "_mode",
+        "_mode_before",
+        "_parameters",
+        "_reference",
+        "_release",
+        "_step_source",
+    )
 
-    def __init__(self, mode: ModeOfOperation, parameters: AxisParameters, lead: Lead | None = None) -> None:
-        """``lead``: the step that commands the axis until the drive has left its present mode; None if nothing commands it."""
+    def __init__(
+        self, mode: ModeOfOperation, parameters: AxisParameters, step_source: SourceStep | None = None
+    ) -> None:
+        """``step_source``: the step that commands the axis until the drive has left its present mode; None if nothing does."""
         self._mode = mode
         self._parameters = parameters
-        self._lead = lead
-        self._left: int | None = None  # the mode that the drive shows while the other one is requested
-        self._begun = 0.0
+        self._step_source = step_source
+        self._mode_before: int | None = None  # the mode that the drive shows while the other one is requested
+        self._begun_at = 0.0
         self._deadline: float | None = None
         self._reference: int | None = None
         self._release: HaltRelease | None = None
@@ -56,7 +68,7 @@ class ModeSwitch:
     @property
     def under_way(self) -> bool:
         """Whether the mode has been requested and is not shown yet."""
-        return self._left is not None
+        return self._mode_before is not None
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive shows the mode.
@@ -66,17 +78,17 @@ class ModeSwitch:
             UncommandedMotion: the axis moves after its halt bit was cleared.
         """
         if self._deadline is None:
-            self._begun = image.now
+            self._begun_at = image.now
             self._deadline = image.now + self._parameters.timing.mode
             self._reference = image.reference
         if image.mode in WITHOUT_POSITION_DEMAND:  # it moves, or 6062h is old
             self._reference = image.position
         if self._is_shown(image, order):
-            self._left = None
+            self._mode_before = None
             return True
-        order.mode, self._left = self._mode, image.mode
+        order.mode, self._mode_before = self._mode, image.mode
         preload(order, self._reference)
-        self.lead(image, order)
+        self.step_source(image, order)
         if self._parameters.holds_load is not HoldsLoad.NO and image.torque is not None:
             order.target_torque = image.torque  # the actual torque holds the load; 0 would let it fall
         if self._release is not None:
@@ -84,7 +96,7 @@ class ModeSwitch:
         elif image.now > self._deadline:
             if not order.halt:
                 self._refuse(image, order)
-            self._release = HaltRelease(image, self._parameters, self._begun)
+            self._release = HaltRelease(image, self._parameters, self._begun_at)
             self._step_release(self._release, image, order)
         return False
 
@@ -106,10 +118,10 @@ class ModeSwitch:
         order.mode = image.mode  # the drive must not take the mode later, unexpectedly
         raise self._refused(image, halted)
 
-    def lead(self, image: AxisImage, order: CycleOutputs) -> None:
+    def step_source(self, image: AxisImage, order: CycleOutputs) -> None:
         """Continue the present motion, before the mode is requested and while it changes."""
-        if self._lead is not None:
-            self._lead(image, order)
+        if self._step_source is not None:
+            self._step_source(image, order)
 
     @property
     def in_flight(self) -> SetPoint | None:
@@ -120,8 +132,8 @@ class ModeSwitch:
         """Cancel a mode that the drive has not taken yet: a later change would be unexpected."""
         if self._release is not None:
             self._release.cancel(order)
-        if self._left is not None:
-            order.mode = self._left
+        if self._mode_before is not None:
+            order.mode = self._mode_before
 
     def _is_shown(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether 6061h shows the mode, and no mode requested earlier can still take effect."""

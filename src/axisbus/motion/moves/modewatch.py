@@ -29,8 +29,8 @@ class ModeWatch:
         self._activity = activity
         self._mode = None if activity is None else activity.mode
         if activity is not None and self._mode is not None and self._mode == before:
-            leading = activity.leading
-            if leading is not None and not leading.at_rest:
+            set_point_source = activity.set_point_source
+            if set_point_source is not None and not set_point_source.at_rest:
                 return
         self._agreed = False
         self._misses = 0
@@ -56,9 +56,9 @@ class ModeWatch:
             self._agreed, self._misses = True, 0
             return None
         self._misses += self._agreed
-        return self._left(mode, shown) if self._misses >= _TWICE else None
+        return self._left_mode_error(mode, shown) if self._misses >= _TWICE else None
 
-    def _left(self, mode: ModeOfOperation, shown: int) -> ModeError:
+    def _left_mode_error(self, mode: ModeOfOperation, shown: int) -> ModeError:
         return ModeError(
             f"{self._name}: the drive has left mode {int(mode)} ({modes.short(mode)}) without a command",
             axis=self._name,

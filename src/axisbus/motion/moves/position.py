@@ -15,7 +15,7 @@ from axisbus.motion.moves.activity import present_speed, require_position
 from axisbus.motion.moves.prepare import Prepare, Prepared, require_ramps
 from axisbus.motion.moves.profile import MoveProfile, braking_distance, duration
 from axisbus.motion.moves.setpoint import SetPoint
-from axisbus.motion.moves.setpoint_confirmation import proof_of
+from axisbus.motion.moves.setpoint_confirmation import confirmation_for
 from axisbus.motion.moves.setpoint_without_ack import set_point
 from axisbus.motion.override import deadline_extension
 from axisbus.motion.parameters import AxisParameters
@@ -46,14 +46,14 @@ class PositionMove(Prepared):
 
         ``factor``: the override for which ``prepare`` writes the velocity; ``profile`` has the velocity as commanded.
         """
-        self._anew = SetPointUpdate(profile, factor, parameters)
-        self._obeyed: VelocityChangeCheck | None = None
-        profile = self._anew.profile
+        self._set_point_update = SetPointUpdate(profile, factor, parameters)
+        self._velocity_check: VelocityChangeCheck | None = None
+        profile = self._set_point_update.profile
         self.set_point = set_point(target, parameters)
-        self._proof = proof_of(self.set_point, profile, parameters)
+        self._confirmation = confirmation_for(self.set_point, profile, parameters)
         # Until the axis leaves a path of the master, it does not move by these ramps.
-        if prepare.leading is None or prepare.leaving is not None:
-            self.course = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
+        if prepare.set_point_source is None or prepare.pending_mode_switch is not None:
+            self.commanded = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
         self._profile = profile
         self._parameters = parameters
         self._prepare = prepare
@@ -63,7 +63,7 @@ class PositionMove(Prepared):
         self._earliest_end = -math.inf  # see ``_unseen_duration``
         self._is_taken = False
         self._watch = _ArrivalWatch(target, profile, parameters)
-        self._passing: PpBlending | None = None  # set once moves have joined it
+        self._blending: PpBlending | None = None  # set once moves have joined it
         self._target = target
 
     @property
@@ -79,41 +79,41 @@ class PositionMove(Prepared):
     @property
     def commands(self) -> int:
         """The number of moves that share it and have not ended."""
-        return 1 if self._passing is None else self._passing.commands
+        return 1 if self._blending is None else self._blending.commands
 
     def join(self, part: BlendedTarget, ticket: CommandStatus, image: AxisImage) -> None:
         """Continue to the end of another move, in the same direction; ``ticket`` belongs to the last move so far."""
-        if self._passing is None:
-            profile = self._profile if self._profile.ramp else self._anew.profile
+        if self._blending is None:
+            profile = self._profile if self._profile.ramp else self._set_point_update.profile
             first = BlendedTarget(self._target, profile, part.mode, ticket)
-            self._passing = PpBlending(first, self._parameters)
-        self._passing.add(part, image.now)
+            self._blending = PpBlending(first, self._parameters)
+        self._blending.add(part, image.now)
         self._target = part.target
-        self._anew.request(self._anew.requested)
+        self._set_point_update.request(self._set_point_update.requested)
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True when the drive has arrived."""
         if self._start is None and not self._begins(image, order):
             return False
-        self._watch.spare(deadline_extension(image.override, self._parameters.scan_period))
-        if self._passing is not None:
-            self._pass_ends(self._passing, image)
-        if not self.set_point.begun and not self._keeps_pace(image, order):
+        self._watch.extend(deadline_extension(image.override, self._parameters.scan_period))
+        if self._blending is not None:
+            self._check_passed_ends(self._blending, image)
+        if not self.set_point.begun and not self._set_point_stays(image, order):
             return False
         taken = self.set_point.step(image, order)
         order.halt = order.halt and self.set_point.keeps_halt(image)
-        if self._proof is not None:
-            self._proof.step(image)
+        if self._confirmation is not None:
+            self._confirmation.step(image)
         if not taken:
             return False
         if not self._is_taken:
             self._is_taken = self.in_effect = True
             self.rests_from = image.now
             self._earliest_end = image.now + self._unseen_duration(image)
-            if self._passing is not None and self.set_point.target == self._target:
-                self._passing.taken(image.now)
-        if self._obeyed is not None:
-            self._obeyed.look(image)
+            if self._blending is not None and self.set_point.target == self._target:
+                self._blending.taken(image.now)
+        if self._velocity_check is not None:
+            self._velocity_check.look(image)
         if self._arrived(image):
             return True
         self._watch.check(image)
@@ -122,7 +122,7 @@ class PositionMove(Prepared):
     def cancel(self, order: CycleOutputs) -> None:
         """Cancel the queued requests."""
         super().cancel(order)
-        self._anew.cancel(order)
+        self._set_point_update.cancel(order)
 
     @property
     def in_flight(self) -> SetPoint | None:
@@ -142,8 +142,8 @@ class PositionMove(Prepared):
         return True
 
     def _begin(self, image: AxisImage) -> None:
-        self._anew.ramps = self._prepare.ramps  # later writes add to these
-        self._reckon(self._anew.ramps.applied(self._profile))
+        self._set_point_update.ramps = self._prepare.ramps  # later writes add to these
+        self._use_profile(self._set_point_update.ramps.applied(self._profile))
         if self._profile.timeout is None:
             require_position(image, self._parameters.name, "the time that a move may take")
         self._start = image.position if image.position is not None else self.set_point.target
@@ -152,42 +152,44 @@ class PositionMove(Prepared):
             self._window = max(_WINDOW_FLOOR, int(distance * _WINDOW_SHARE))
         self._watch.begin(image, distance)
 
-    def _reckon(self, profile: MoveProfile) -> None:
+    def _use_profile(self, profile: MoveProfile) -> None:
         """Compute from now on with a profile that has the drive's ramps."""
         self._profile = require_ramps(profile, self._parameters)
-        self.course = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
+        self.commanded = CommandedMotion(profile.speed, profile.up, profile.down, by_target=True)
         self._watch = _ArrivalWatch(self.set_point.target, profile, self._parameters, self._watch.deadline)
 
-    def _pass_ends(self, passing: PpBlending, image: AxisImage) -> None:
+    def _check_passed_ends(self, passing: PpBlending, image: AxisImage) -> None:
         """Check which ends have been passed, and request the next profile if it is due."""
         profile = passing.look(image)
         if profile is not None:
-            self._anew.request(profile)
+            self._set_point_update.request(profile)
             self._watch.deadline = None  # a caller's deadline was for the previous move
 
-    def _keeps_pace(self, image: AxisImage, order: CycleOutputs) -> bool:
+    def _set_point_stays(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the set-point stays unchanged; a hold by an override of 0, or a change of its velocity, comes first."""
-        was_held = self._anew.held
-        given = self._anew.step(image, order)
+        was_held = self._set_point_update.held
+        given = self._set_point_update.step(image, order)
         if given is None:
             return True
         self.rests_from = image.now
         if given:
-            self._give_anew(image, was_held)
+            self._give_again(image, was_held)
         return given
 
-    def _give_anew(self, image: AxisImage, was_held: bool) -> None:
+    def _give_again(self, image: AxisImage, was_held: bool) -> None:
         """Give the target again, with the velocity that has just been written."""
         moved, target = self._is_taken and not was_held, self._target
         before = self._profile
-        profile = (self._anew.ramps or self._prepare.ramps).applied(self._anew.profile)
+        profile = (self._set_point_update.ramps or self._prepare.ramps).applied(
+            self._set_point_update.profile
+        )
         self.set_point = set_point(target, self._parameters)
         self._is_taken = self.in_effect = False
-        self._reckon(profile)
-        self._proof = proof_of(self.set_point, profile, self._parameters)
-        self._obeyed = None
+        self._use_profile(profile)
+        self._confirmation = confirmation_for(self.set_point, profile, self._parameters)
+        self._velocity_check = None
         if moved:
-            self._obeyed = VelocityChangeCheck(before, profile, target, self._parameters, image.now)
+            self._velocity_check = VelocityChangeCheck(before, profile, target, self._parameters, image.now)
         here = image.position if image.position is not None else target
         self._watch.begin(image, abs(target - here))
 
@@ -212,9 +214,9 @@ class PositionMove(Prepared):
         """Whether bit 10 is set, and (if 6064h is fresh) the axis is within the window: bit 10 may be from the previous move."""
         if image.statusword is None or not image.statusword & sw.TARGET_REACHED:
             return False
-        if self.set_point.target != self._target or self._anew.is_requested:
+        if self.set_point.target != self._target or self._set_point_update.is_requested:
             return False  # another end has joined it
-        if self._proof is not None and not self._proof.suffices(image):
+        if self._confirmation is not None and not self._confirmation.suffices(image):
             return False
         if image.position is None:
             return True
@@ -259,11 +261,13 @@ class _ArrivalWatch:
             return profile.timeout
         if not profile.speed or not profile.ramp:
             return None
-        way = distance + braking_distance(speed, profile.ramp)
+        total_distance = distance + braking_distance(speed, profile.ramp)
         soft = profile.soft_seconds(abs(self._parameters.units.position.factor))
-        return 2.0 * (speed / profile.ramp + duration(way, profile.speed, profile.ramp) + soft) + 2.0
+        return (
+            2.0 * (speed / profile.ramp + duration(total_distance, profile.speed, profile.ramp) + soft) + 2.0
+        )
 
-    def spare(self, seconds: float) -> None:
+    def extend(self, seconds: float) -> None:
         """Extend the caller's deadline by ``seconds`` of this cycle: the motion is slower because of an override."""
         if self.deadline is not None and self._profile.timeout is not None:
             self.deadline += seconds

@@ -50,7 +50,7 @@ class StateWalk:
 
     def _stuck(self, image: AxisImage, order: CycleOutputs, goal: PowerState) -> DriveError:
         if image.statusword is None:
-            return _blind(image, self._parameters, goal)
+            return _statusword_unknown(image, self._parameters, goal)
         name, word = self._parameters.name, image.statusword
         sent = order.controlword(image.state)
         command = (
@@ -77,7 +77,7 @@ def _stuck_remedy(state: PowerState, word: int, name: str) -> str:
     )
 
 
-def _blind(image: AxisImage, parameters: AxisParameters, goal: PowerState) -> StaleError:
+def _statusword_unknown(image: AxisImage, parameters: AxisParameters, goal: PowerState) -> StaleError:
     return unknown_statusword(
         image,
         parameters.name,

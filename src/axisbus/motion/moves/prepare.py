@@ -13,7 +13,7 @@ from axisbus.motion.axis.cycle_outputs import CycleOutputs
 from axisbus.motion.axis.image import AxisImage
 from axisbus.motion.group.start_barrier import StartBarrier
 from axisbus.motion.modes import TORQUE_MODES
-from axisbus.motion.moves.activity import Activity, Leading, SdoTransfers, preload
+from axisbus.motion.moves.activity import Activity, SdoTransfers, SetPointSource, preload
 from axisbus.motion.moves.mode_switch import ModeSwitch
 from axisbus.motion.moves.profile import MoveProfile, on_ramps
 from axisbus.motion.moves.setpoint import SetPoint
@@ -168,7 +168,16 @@ class Prepare:
     """
 
     __slots__ = (
-        "_before", "_changes", "_gate", "_leading", "_may_leave", "_mode", "_prepared", "_reading", "_transfers", "ramps",
+        "_before",
+        "_changes",
+        "_gate",
+        "_may_leave",
+        "_mode",
+        "_prepared",
+        "_reading",
+        "_set_point_source",
+        "_transfers",
+        "ramps",
     )  # fmt: skip
 
     def __init__(
@@ -177,13 +186,14 @@ class Prepare:
         transfers: SdoTransfers,
         ramps: RampTransfers,
         gate: StartBarrier,
-        leading: Leading | None = None,
+        set_point_source: SetPointSource | None = None,
         before: ModeSwitch | None = None,
         may_leave: Callable[[AxisImage], bool] | None = None,
     ) -> None:
         """``transfers``: all transfers, including ``ramps``.
 
-        ``leading``: the trajectory that commands the axis while the mode changes; the drive's ramps must be written before it ends.
+        ``set_point_source``: the trajectory that commands the axis while the mode changes; the drive's ramps must be written before
+        it ends.
 
         ``before``: the change of mode out of that trajectory that another command has begun. The drive may have taken it already,
         and a return to the old mode for one cycle would cause a jolt. So this change is completed.
@@ -191,7 +201,7 @@ class Prepare:
         ``may_leave``: whether the drive could brake within the position limits if it left that trajectory now. Until then the
         trajectory brakes. To be called in every cycle.
         """
-        self._leading = leading
+        self._set_point_source = set_point_source
         self._before = before
         self._may_leave = may_leave
         self._mode = mode
@@ -202,15 +212,15 @@ class Prepare:
         self._reading: RampTransfers | None = None
 
     @property
-    def leading(self) -> Leading | None:
+    def set_point_source(self) -> SetPointSource | None:
         """The trajectory that still commands the axis; None once the drive is in the mode of the command."""
-        return None if self._prepared else self._leading
+        return None if self._prepared else self._set_point_source
 
     @property
-    def leaving(self) -> ModeSwitch | None:
+    def pending_mode_switch(self) -> ModeSwitch | None:
         """The change of mode that will end the trajectory, once it has been requested."""
         asked = self._before or (self._mode if self._mode.under_way else None)
-        return None if self.leading is None else asked
+        return None if self.set_point_source is None else asked
 
     def step(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Return True from the cycle on in which the move may begin."""
@@ -231,23 +241,23 @@ class Prepare:
 
     def _has_left(self, image: AxisImage, order: CycleOutputs) -> bool:
         if self._before is not None and self._before.step(image, order):
-            self._before = self._leading = None
+            self._before = self._set_point_source = None
         return self._before is None
 
     def _makes_ready(self, image: AxisImage, order: CycleOutputs) -> bool:
         written = self._transfers.step(image, order)
-        if self._leading is None or (self._leaves(self._leading, image) and written):
+        if self._set_point_source is None or (self._leaves(self._set_point_source, image) and written):
             shown = self._mode.step(image, order)
             self._changes = self._changes or not shown
             return shown and written
-        self._mode.lead(image, order)
+        self._mode.step_source(image, order)
         return False
 
-    def _leaves(self, leading: Leading, image: AxisImage) -> bool:
+    def _leaves(self, set_point_source: SetPointSource, image: AxisImage) -> bool:
         """Whether the mode may be requested; if the drive could not stop in time by then, the trajectory brakes."""
         if self._may_leave is None or self._mode.under_way or self._may_leave(image):
             return True
-        return not leading.begin_braking()
+        return not set_point_source.begin_braking()
 
     def _has_read(self, image: AxisImage, order: CycleOutputs) -> bool:
         """Whether the ramps are known after a change of mode.
@@ -272,14 +282,14 @@ class Prepared(Activity):
     _prepare: Prepare
 
     @property
-    def leading(self) -> Leading | None:
+    def set_point_source(self) -> SetPointSource | None:
         """The previous trajectory, until the drive is in the mode of this command."""
-        return self._prepare.leading
+        return self._prepare.set_point_source
 
     @property
-    def leaving(self) -> ModeSwitch | None:
+    def pending_mode_switch(self) -> ModeSwitch | None:
         """The change of mode that ends that trajectory, once it has been requested."""
-        return self._prepare.leaving
+        return self._prepare.pending_mode_switch
 
     @property
     def in_flight(self) -> SetPoint | None:

@@ -76,16 +76,16 @@ class ProfileFromSpeed:
         """Return the segments: duration, start position, start speed, and acceleration."""
         position, speed = self.start.position, self.start.velocity
         rest = position + math.copysign(braking_distance(speed, self.down), speed)
-        way = math.copysign(1.0, self.end - rest) if self.end != rest else math.copysign(1.0, speed)
+        direction = math.copysign(1.0, self.end - rest) if self.end != rest else math.copysign(1.0, speed)
         pieces = []
-        if speed * way < 0:  # it moves in the other direction, or too fast to stop at the end
+        if speed * direction < 0:  # it moves in the other direction, or too fast to stop at the end
             pieces.append((abs(speed) / self.down, position, speed, -math.copysign(self.down, speed)))
             position, speed = rest, 0.0
         for time, rate in self._forwards(abs(self.end - position), abs(speed)):
             if time > 0:
-                pieces.append((time, position, speed, way * rate))
-                position += speed * time + 0.5 * way * rate * time * time
-                speed += way * rate * time
+                pieces.append((time, position, speed, direction * rate))
+                position += speed * time + 0.5 * direction * rate * time * time
+                speed += direction * rate * time
         return pieces or [(0.0, position, 0.0, 0.0)]
 
     def _forwards(self, distance: float, speed: float) -> list[tuple[float, float]]:
@@ -96,7 +96,7 @@ class ProfileFromSpeed:
             gain = 2.0 * self.up * self.down * distance + self.down * speed * speed
             top, first = min(self.velocity, math.sqrt(gain / (self.up + self.down))), self.up
             top = max(top, speed)
-        began = (top - speed) / first
-        gone = 0.5 * (speed + top) * began
-        left = max(0.0, distance - gone - braking_distance(top, self.down))
-        return [(began, first), (left / top if top else 0.0, 0.0), (top / self.down, -self.down)]
+        ramp_time = (top - speed) / first
+        covered = 0.5 * (speed + top) * ramp_time
+        left = max(0.0, distance - covered - braking_distance(top, self.down))
+        return [(ramp_time, first), (left / top if top else 0.0, 0.0), (top / self.down, -self.down)]

@@ -28,7 +28,7 @@ from axisbus.motion.numbers import number, short_repr
 _BUSY = 2.0  # seconds that a program may be busy with something else
 _HEADSTART = 1.0  # seconds, beyond the braking time, that are known before the axis begins
 _MARGIN = 6  # periods: one passes, braking and the look-ahead end in the next, the rest is spare
-_KEPT = 16  # samples that are stored behind the axis
+_STORED_BEHIND = 16  # samples that are stored behind the axis
 _CHUNK = 0.25  # seconds in a chunk
 _SMALLEST, _LARGEST = 16, 256  # samples in a chunk
 
@@ -80,10 +80,10 @@ class Streamed:
         self._failure: AxisbusError | None = None
         self._waits_since: float | None = None
         self._may_begin = False
-        self._tell_facts(head)
+        self._set_known_properties(head)
         self._curve = Curve(head.step, 0, (0.0,), head.positions[:1], head.span)
         self._fastest = 0.0
-        self._quicker = 1.0  # the highest rate of its time so far: an override
+        self._highest_rate = 1.0  # the highest rate of its time so far: an override
         self._asked = len(head.positions)
         self.feed(1, head.positions[1:])
         self._asked_until = self._curve.times[-1]
@@ -131,9 +131,9 @@ class Streamed:
         times = self._times_after(curve.times[-1], len(positions))
         if len(times) < len(positions):
             raise ArgumentError("a trajectory has more samples than its duration allows")
-        ways = pairwise((curve.positions[-1], *positions))
-        self._fastest = max(self._fastest, max((abs(b - a) for a, b in ways), default=0.0) / self._step)
-        self._curve = curve.joined(times, positions).without(self.reached, _KEPT)
+        pairs = pairwise((curve.positions[-1], *positions))
+        self._fastest = max(self._fastest, max((abs(b - a) for a, b in pairs), default=0.0) / self._step)
+        self._curve = curve.joined(times, positions).without(self.reached, _STORED_BEHIND)
 
     def fail(self, error: AxisbusError) -> None:
         """End the trajectory with ``error``: no more samples will arrive. The first error counts."""
@@ -148,7 +148,7 @@ class Streamed:
         """
         if self._failure is not None or self._asked_until >= self.duration:
             return None
-        if self._asked_until > t + _BUSY + self._stretch:
+        if self._asked_until > t + _BUSY + self._needed_ahead:
             return None
         left, chunk = (self.duration - self._asked_until) / self._step, self._chunk
         times = self._times_after(self._asked_until, chunk if left > 1.5 * chunk else 2 * chunk)
@@ -180,7 +180,7 @@ class Streamed:
         if self._failure is not None:
             raise self._failure
         self._waits_since = now if self._waits_since is None else self._waits_since
-        enough = self.known_until >= min(self.duration, self._stretch + _HEADSTART)
+        enough = self.known_until >= min(self.duration, self._needed_ahead + _HEADSTART)
         self._may_begin = self._may_begin or enough
         if not self._may_begin and now - self._waits_since > _BUSY:
             raise self._late(name, "it has not begun", "nothing has moved")
@@ -192,15 +192,15 @@ class Streamed:
         ``rate``: the rate of time along the path.
         """
         self.reached = t
-        self._quicker = quicker = max(self._quicker, rate)
+        self._highest_rate = highest_rate = max(self._highest_rate, rate)
         if self._failure is not None:
             return self._failure
         until = self.known_until
         if until >= self.duration:
             return None
-        margin = _MARGIN * self._step * quicker
+        margin = _MARGIN * self._step * highest_rate
         speed = abs(self.position(t + self._step) - self.position(t)) / self._step
-        if until >= t + margin + self._braking(speed) * quicker * quicker:
+        if until >= t + margin + self._braking(speed) * highest_rate * highest_rate:
             return None
         how = "braked along it" if self._deceleration else "stopped"
         return self._late(name, f"the axis is at {t:.3f} s of it", f"the axis was {how}")
@@ -216,9 +216,9 @@ class Streamed:
         return min(max(round(_CHUNK / self._step), _SMALLEST), _LARGEST)
 
     @property
-    def _stretch(self) -> float:
+    def _needed_ahead(self) -> float:
         """The time of the path in seconds that must be known ahead of the axis at its highest speed."""
-        return self._quicker * (_MARGIN * self._step + self._quicker * self._braking(self._fastest))
+        return self._highest_rate * (_MARGIN * self._step + self._highest_rate * self._braking(self._fastest))
 
     def _braking(self, speed: float) -> float:
         return speed / self._deceleration if self._deceleration else 0.0
@@ -231,7 +231,7 @@ class Streamed:
             times.append(t)
         return times
 
-    def _tell_facts(self, head: StreamHead) -> None:
+    def _set_known_properties(self, head: StreamHead) -> None:
         """Set an attribute only if the head has it: checks for ``LookaheadTrajectory`` and ``Ramped`` test the attributes."""
         if head.span is not None and head.top_speed is not None:
             _require_numbers((*head.span, head.top_speed))
@@ -306,10 +306,10 @@ class Curve:
 
     def without(self, t: float, behind: int) -> Curve:
         """Return the curve without the samples that are more than ``behind`` samples before ``t``."""
-        gone = bisect_right(self.times, t) - 1 - behind
-        if gone <= 0:
+        passed = bisect_right(self.times, t) - 1 - behind
+        if passed <= 0:
             return self
-        return Curve(self.step, self.first + gone, self.times[gone:], self.positions[gone:], self.span)
+        return Curve(self.step, self.first + passed, self.times[passed:], self.positions[passed:], self.span)
 
     def at(self, t: float) -> float:
         """Return the position at ``t``, which must lie between the first and the last time."""
@@ -317,16 +317,16 @@ class Curve:
         begin, here = self.times[index], self.positions[index]
         if t == begin:
             return here
-        width, way = self.times[index + 1] - begin, self.positions[index + 1] - here
+        width, distance = self.times[index + 1] - begin, self.positions[index + 1] - here
         share, enter, leave = (t - begin) / width, self._speed(index), self._speed(index + 1)
         left = 1.0 - share
-        bend = left * (enter * width - way) - share * (leave * width - way)
-        gone = share * (way + left * bend)
+        bend = left * (enter * width - distance) - share * (leave * width - distance)
+        passed = share * (distance + left * bend)
         if not enter or not leave:  # at rest at one end
-            gone = min(max(gone, min(way, 0.0)), max(way, 0.0))
+            passed = min(max(passed, min(distance, 0.0)), max(distance, 0.0))
         if self.span is None:
-            return here + gone
-        return min(max(here + gone, self.span[0]), self.span[1])
+            return here + passed
+        return min(max(here + passed, self.span[0]), self.span[1])
 
     def _speed(self, index: int) -> float:
         """Return the signed speed at a sample."""

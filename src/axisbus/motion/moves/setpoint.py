@@ -124,14 +124,14 @@ class SetPoint:
             observed=f"controlword bit 4 (new set-point) was {bit} for {self._timeout:g} s, statusword bit 12 (set-point "
             f"acknowledge) stayed {1 - bit}; {word}",
             remedy="check that the target lies within the drive's own limits (607Dh) and that profile velocity and acceleration "
-            f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]; {self._way_out}"
+            f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]; {self._workaround}"
             if bit
             else "see in the drive's manual when it resets bit 12 (its buffer of set-points may be full); a slow drive "
-            f"needs a longer acknowledge_time in [axes.{self._name}]; {self._way_out}",
+            f"needs a longer acknowledge_time in [axes.{self._name}]; {self._workaround}",
         )
 
     @property
-    def _way_out(self) -> str:
+    def _workaround(self) -> str:
         return (
             "a drive that moves nevertheless (its bit 12 never comes, falls too early, or follows writes of 6060h) needs "
             f'handshake = "on-change" in [axes.{self._name}]'

@@ -29,14 +29,14 @@ _STARTS = 0.3  # seconds after which a drive has begun to move to its old target
 _TURNS = 2.0  # seconds to reverse, if the deceleration is not known
 
 
-def proof_of(
+def confirmation_for(
     point: SetPoint, profile: MoveProfile, parameters: AxisParameters
 ) -> SetPointConfirmation | None:
     """Return the confirmation that a set-point needs, None if bit 12 is sufficient."""
     return SetPointConfirmation(point, profile, parameters) if isinstance(point, TimedSetPoint) else None
 
 
-class _Way:
+class _ApproachMonitor:
     """One position between ``old`` and ``new``; holds its longest distance to the new target and its shortest to both."""
 
     __slots__ = ("_farthest", "_nearest_old", "_new", "_old", "best")
@@ -72,17 +72,17 @@ class SetPointConfirmation:
 
     __slots__ = (
         "_allowed",
+        "_approaches",
+        "_bit_fell",
         "_edge",
-        "_fell",
         "_gained_at",
-        "_known",
+        "_had_same_target",
         "_old",
         "_parameters",
         "_point",
         "_profile",
-        "_stood",
         "_tolerance",
-        "_ways",
+        "_was_at_standstill",
         "seen",
     )
 
@@ -93,10 +93,13 @@ class SetPointConfirmation:
         self._tolerance = parameters.standstill_tolerance
         self._edge = math.inf
         self._old: int | None = None  # the previous set-point, in unwrapped increments
-        self._known = False  # it had taken the same target before, and moves there anyway
-        self._stood = False  # with bit 10, before the edge
-        self._fell = False  # bit 10, since then
-        self._ways: tuple[_Way, _Way] = (_Way(point.target, None), _Way(point.target, None))
+        self._had_same_target = False  # it had taken the same target before, and moves there anyway
+        self._was_at_standstill = False  # with bit 10, before the edge
+        self._bit_fell = False  # bit 10, since then
+        self._approaches: tuple[_ApproachMonitor, _ApproachMonitor] = (
+            _ApproachMonitor(point.target, None),
+            _ApproachMonitor(point.target, None),
+        )
         self._gained_at = self._allowed = 0.0
         self.seen = False
 
@@ -110,19 +113,19 @@ class SetPointConfirmation:
             self._begin(image)
         elif self._edge < math.inf:
             self._look(image)
-        if self.seen or self._known:
-            image.led.taken = self._point.target
+        if self.seen or self._had_same_target:
+            image.reference_tracker.taken = self._point.target
 
     def suffices(self, image: AxisImage) -> bool:
         """Whether an axis at rest within its window, with bit 10, has ended its move: it moved there, or it is exactly there."""
         if self.seen:
             return True
         position, demand = self._since_edge(image)
-        is_led_there = self._known or any(
+        is_expected_there = self._had_same_target or any(
             self._is_there(now) for now in (position, demand) if now is not None
         )
-        wait = self._parameters.timing.settle if self._stood else _STARTS
-        return is_led_there and image.now >= self._edge + wait
+        wait = self._parameters.timing.settle if self._was_at_standstill else _STARTS
+        return is_expected_there and image.now >= self._edge + wait
 
     # -- state before the edge ---------------------------------------------------------------------------------------
 
@@ -130,19 +133,22 @@ class SetPointConfirmation:
         first = self._edge == math.inf
         self._edge = image.now
         if first:
-            self._old = image.led.set_point
-            self._known = self._old == self._point.target == image.led.taken
-            image.led.taken = None
+            self._old = image.reference_tracker.set_point
+            self._had_same_target = self._old == self._point.target == image.reference_tracker.taken
+            image.reference_tracker.taken = None
         word = image.statusword or 0
         at_rest = image.position is None or image.standstill
-        self._stood = at_rest and bool(word & sw.TARGET_REACHED) and not self._point.from_halt
-        if self._stood:
+        self._was_at_standstill = at_rest and bool(word & sw.TARGET_REACHED) and not self._point.from_halt
+        if self._was_at_standstill:
             self._old = image.position  # no set-point moves it any more
-        self._ways = (_Way(self._point.target, self._old), _Way(self._point.target, self._old))
-        for way, now in zip(self._ways, (image.position, image.demand), strict=True):
+        self._approaches = (
+            _ApproachMonitor(self._point.target, self._old),
+            _ApproachMonitor(self._point.target, self._old),
+        )
+        for approach, now in zip(self._approaches, (image.position, image.demand), strict=True):
             if now is not None:
-                way.shows(now, self._tolerance)
-                way.gains(now, 0.0)
+                approach.shows(now, self._tolerance)
+                approach.gains(now, 0.0)
         self._gained_at = image.now
         self._allowed = self._time(image)
 
@@ -158,15 +164,15 @@ class SetPointConfirmation:
 
     def _look(self, image: AxisImage) -> None:
         position, demand = self._since_edge(image)
-        for way, now in zip(self._ways, (position, demand), strict=True):
+        for approach, now in zip(self._approaches, (position, demand), strict=True):
             if now is None:
                 continue
-            if way.shows(now, self._tolerance):
+            if approach.shows(now, self._tolerance):
                 self.seen = True
-            if way.gains(now, self._tolerance) or self._is_there(now):
+            if approach.gains(now, self._tolerance) or self._is_there(now):
                 self._gained_at = image.now
         self.seen = self.seen or self._by_word(image, position)
-        if not self.seen and not self._known and image.now > self._gained_at + self._allowed:
+        if not self.seen and not self._had_same_target and image.now > self._gained_at + self._allowed:
             raise self._unseen(image)
 
     def _since_edge(self, image: AxisImage) -> tuple[int | None, int | None]:
@@ -178,9 +184,9 @@ class SetPointConfirmation:
         if image.statusword is None or image.statusword_stamp <= self._edge:
             return False
         if not image.statusword & sw.TARGET_REACHED:
-            self._fell = True
-            return self._stood
-        if not self._fell or position is None or self._old is None:
+            self._bit_fell = True
+            return self._was_at_standstill
+        if not self._bit_fell or position is None or self._old is None:
             return False
         return abs(position - self._point.target) < abs(position - self._old)
 

@@ -52,12 +52,12 @@ class Stopping:
         self._resets: list[
             tuple[CommandStatus, Callable[[], None]]
         ] = []  # each with the function that begins it after the stop
-        self.ladder: StopSequence | None = None
+        self.stop_sequence: StopSequence | None = None
         self.kind = StopKind.HALT
         self.locks = False  # MC_Stop was requested: the axis stays in Stopping
         self.reason = ""
         self.power_note = ""  # why the last stop took the power of an axis that was to keep it
-        self.set_going_at = -math.inf  # when motion was last requested from the drive
+        self.motion_requested_at = -math.inf  # when motion was last requested from the drive
 
     @property
     def name(self) -> str:
@@ -67,52 +67,58 @@ class Stopping:
     @property
     def interruptible(self) -> bool:
         """Whether a new motion command may interrupt the stop: a halt that has not become a harder stop."""
-        return self.ladder is None or (self.kind is StopKind.HALT and self.ladder.rung is StopLevel.HALT)
+        return self.stop_sequence is None or (
+            self.kind is StopKind.HALT and self.stop_sequence.level is StopLevel.HALT
+        )
 
     @property
     def explained(self) -> str:
         """The reason of the running stop, and its steps if it has become harder than it began."""
-        if self.ladder is None or len(self.ladder.path) == 1:
+        if self.stop_sequence is None or len(self.stop_sequence.path) == 1:
             return self.reason
-        return f"{self.reason}; {_steps(self.ladder)}"
+        return f"{self.reason}; {_steps(self.stop_sequence)}"
 
     def ask(
         self,
         kind: StopKind,
         then: AfterStop,
-        rung: StopLevel,
+        level: StopLevel,
         reason: str,
         ticket: CommandStatus | None,
-        led_by: Activity | None = None,
+        ended_activity: Activity | None = None,
     ) -> None:
         """Begin to stop, or make the running stop as hard as this one; a step that continues gets no more time.
 
-        ``led_by``: the command that has just ended; the axis brakes along the trajectory of this command.
+        ``ended_activity``: the command that has just ended; the axis brakes along the trajectory of this command.
         """
         if ticket is not None:
             self.join(ticket)
         self.locks = self.locks or kind is StopKind.STOP
-        if self.ladder is None:
+        if self.stop_sequence is None:
             self.power_note = ""
-            self.ladder = self._ladder(then, rung, led_by)
+            self.stop_sequence = self._make_stop_sequence(then, level, ended_activity)
             self.kind, self.reason = kind, reason
             return
-        self.ladder.harden(then, rung)
+        self.stop_sequence.harden(then, level)
         if kind >= self.kind:
             self.kind, self.reason = kind, reason
 
-    def _ladder(self, then: AfterStop, rung: StopLevel, led_by: Activity | None) -> StopSequence:
-        if led_by is None:
-            return StopSequence(self._parameters, then, start=rung, set_going_at=self.set_going_at)
+    def _make_stop_sequence(
+        self, then: AfterStop, level: StopLevel, ended_activity: Activity | None
+    ) -> StopSequence:
+        if ended_activity is None:
+            return StopSequence(
+                self._parameters, then, start=level, motion_requested_at=self.motion_requested_at
+            )
         return StopSequence(
             self._parameters,
             then,
-            start=rung,
-            follow=led_by.leading,
-            leaving=led_by.leaving,
-            course=led_by.course,
-            resisted_since=led_by.resisted_since,
-            set_going_at=self.set_going_at,
+            start=level,
+            follow=ended_activity.set_point_source,
+            pending_mode_switch=ended_activity.pending_mode_switch,
+            commanded=ended_activity.commanded,
+            resisted_since=ended_activity.resisted_since,
+            motion_requested_at=self.motion_requested_at,
         )
 
     def join(self, ticket: CommandStatus) -> None:
@@ -144,30 +150,30 @@ class Stopping:
     def drop(self) -> list[CommandStatus]:
         """Discard the stop; return the tickets that waited for it."""
         tickets, self._tickets = self._tickets, []
-        self.ladder, self.locks = None, False
+        self.stop_sequence, self.locks = None, False
         return tickets
 
 
-def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
+def stop_error(stop_sequence: StopSequence, name: str) -> AxisbusError | None:
     """Return the error of a stop sequence that has ended; None if the axis stopped as requested."""
-    if ladder.confirmed and not ladder.descended:
+    if stop_sequence.confirmed and not stop_sequence.escalated:
         return None
-    seen = _seen(ladder)
-    if not ladder.confirmed:
+    seen = _seen(stop_sequence)
+    if not stop_sequence.confirmed:
         return DriveError(
             f"{name}: the stop of the axis could not be confirmed",
             axis=name,
             observed=f"{seen}, standstill not observed",
             remedy="TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive",
         )
-    if ladder.takes_power and ladder.seen in _MAYBE_ENERGISED:
+    if stop_sequence.removes_power and stop_sequence.seen in _MAYBE_ENERGISED:
         return DriveError(
             f"{name}: the axis is at standstill, but its drive could not be switched off",
             axis=name,
             observed=seen,
             remedy="TREAT THE AXIS AS ENERGISED: cut its supply; then find out why the drive does not obey",
         )
-    if ladder.spared:
+    if stop_sequence.power_left_on:
         return DriveError(
             f"{name}: the axis is at standstill, but its drive did not execute the quick stop",
             axis=name,
@@ -175,7 +181,7 @@ def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
             remedy=f"find out why the drive {_TOO_SLOW['quick_stop_time']}, or raise quick_stop_time in [axes.{name}.stop]; "
             "it is still energised",
         )
-    if ladder.held:
+    if stop_sequence.blocked:
         return DriveError(
             f"{name}: the axis was blocked during a move",
             axis=name,
@@ -183,50 +189,50 @@ def stop_error(ladder: StopSequence, name: str) -> AxisbusError | None:
             remedy="remove the obstacle before the axis gets power again; it was stopped with a quick stop, so it cannot "
             "jump when it comes free",
         )
-    if not ladder.late:
+    if not stop_sequence.late:
         return None  # only the statusword was missing, and all required actions have happened
     return DriveError(
         f"{name}: the axis stopped only by a harder stop than was commanded",
         axis=name,
         observed=seen,
-        remedy=_remedy_for_late(ladder, name),
+        remedy=_remedy_for_late(stop_sequence, name),
     )
 
 
 def power_note(stopping: Stopping) -> str:
     """Return why a stop that has ended took the power of an axis that was to keep it; empty if it did not."""
-    ladder = stopping.ladder
-    if ladder is None or not ladder.took_power or stopping.kind is StopKind.QUICK_STOP:
+    stop_sequence = stopping.stop_sequence
+    if stop_sequence is None or not stop_sequence.removed_power or stopping.kind is StopKind.QUICK_STOP:
         return ""
-    if ladder.blind:
+    if stop_sequence.statusword_missing:
         why = "its statusword (6041h) was missing during the halt, so that only a quick stop was safe"
-    elif StopLevel.QUICK_STOP in ladder.path:
+    elif StopLevel.QUICK_STOP in stop_sequence.path:
         why = "it was stopped by a quick stop, after which its drive switches off (605Ah)"
     else:
         why = "its drive switched off by itself during the halt"
-    return f"the last stop ({stopping.reason}) took its power: {why}; {_seen(ladder)}"
+    return f"the last stop ({stopping.reason}) took its power: {why}; {_seen(stop_sequence)}"
 
 
-def _remedy_for_late(ladder: StopSequence, name: str) -> str:
-    raised = f"raise {' and '.join(ladder.late)} in [axes.{name}.stop]"
-    if ladder.on_its_path and ladder.late == ["halt_time"]:
+def _remedy_for_late(stop_sequence: StopSequence, name: str) -> str:
+    raised = f"raise {' and '.join(stop_sequence.late)} in [axes.{name}.stop]"
+    if stop_sequence.on_its_path and stop_sequence.late == ["halt_time"]:
         return (
             "braking along its path took longer than halt_time: command a higher acceleration or a lower velocity, or "
             f"{raised}"
         )
-    return f"find out why the drive {' and '.join(_TOO_SLOW[key] for key in ladder.late)}, or {raised}"
+    return f"find out why the drive {' and '.join(_TOO_SLOW[key] for key in stop_sequence.late)}, or {raised}"
 
 
-def _seen(ladder: StopSequence) -> str:
-    texts = [_steps(ladder)]
-    if ladder.late:
-        texts.append(f"passed: {', '.join(ladder.late)}")
-    texts += [text for text in (ladder.unseen, ladder.running_down) if text]
-    if ladder.spared:
+def _seen(stop_sequence: StopSequence) -> str:
+    texts = [_steps(stop_sequence)]
+    if stop_sequence.late:
+        texts.append(f"passed: {', '.join(stop_sequence.late)}")
+    texts += [text for text in (stop_sequence.missing_condition, stop_sequence.coasting_text) if text]
+    if stop_sequence.power_left_on:
         texts.append("its power remains on because it holds a load")
-    texts.append(f"state {ladder.seen.value!r}")
+    texts.append(f"state {stop_sequence.seen.value!r}")
     return "; ".join(texts)
 
 
-def _steps(ladder: StopSequence) -> str:
-    return "stop sequence: " + " > ".join(rung.text for rung in ladder.path)
+def _steps(stop_sequence: StopSequence) -> str:
+    return "stop sequence: " + " > ".join(level.text for level in stop_sequence.path)

@@ -16,36 +16,36 @@ class CoastDown:
     Once standstill was seen, later motion without power does not count: the motor may then be turned by hand.
     """
 
-    __slots__ = ("_driven", "_parameters", "_standing")
+    __slots__ = ("_driven", "_parameters", "_standstill_check")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._driven = False
-        self._standing: StandstillCheck | None = None
+        self._standstill_check: StandstillCheck | None = None
 
     @property
     def under_way(self) -> bool:
         """Whether the power is off and standstill has not been seen since."""
-        return self._standing is not None
+        return self._standstill_check is not None
 
     def why_not(self, image: AxisImage) -> str:
         """Return the missing condition for standstill as a text; empty if the motor is not coasting."""
-        return "" if self._standing is None else self._standing.why_not(image)
+        return "" if self._standstill_check is None else self._standstill_check.why_not(image)
 
     def look(self, image: AxisImage, touched: bool) -> None:
         """Evaluate this cycle's values. ``touched``: this master has commanded the drive."""
         if image.state in ENERGISED:
-            self._driven, self._standing = self._driven or touched, None
+            self._driven, self._standstill_check = self._driven or touched, None
         elif self._driven and image.state is not PowerState.UNKNOWN:
-            self._run_down(image)
+            self._check_coast_down(image)
 
-    def _run_down(self, image: AxisImage) -> None:
-        if self._standing is None:
-            self._standing = StandstillCheck(self._parameters, image.now)
-        if self._standing.seen(image) or not self._can_tell(image):
-            self._driven, self._standing = False, None
+    def _check_coast_down(self, image: AxisImage) -> None:
+        if self._standstill_check is None:
+            self._standstill_check = StandstillCheck(self._parameters, image.now)
+        if self._standstill_check.seen(image) or not self._can_detect_motion(image):
+            self._driven, self._standstill_check = False, None
 
-    def _can_tell(self, image: AxisImage) -> bool:
+    def _can_detect_motion(self, image: AxisImage) -> bool:
         """Whether motion without power can be detected: the drive has a position or a velocity. Bit 10 refers only to commands."""
         return self._parameters.has(objects.POSITION_ACTUAL) or image.velocity is not None
 
@@ -60,34 +60,34 @@ _FAULTS = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE})
 class FaultReaction:
     """Monitors an axis in fault; holds the time until which the motor may move, and whether the error was already reported."""
 
-    __slots__ = ("_deadline", "_parameters", "_told")
+    __slots__ = ("_deadline", "_parameters", "_reported")
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
         self._deadline: float | None = None
-        self._told = False
+        self._reported = False
 
-    def error(self, image: AxisImage, run_down: CoastDown, driven: bool) -> DriveError | None:
+    def error(self, image: AxisImage, coast_down: CoastDown, driven: bool) -> DriveError | None:
         """Return, once, the error that the axis does not come to rest. ``driven``: this master has commanded the axis."""
         if image.state not in _FAULTS:
-            self._deadline, self._told = None, False
+            self._deadline, self._reported = None, False
             return None
-        rests = image.state is PowerState.FAULT and not run_down.under_way
-        if rests or self._told or not driven:
+        rests = image.state is PowerState.FAULT and not coast_down.under_way
+        if rests or self._reported or not driven:
             return None
         if self._deadline is None:
             times = self._parameters.stop_times
             self._deadline = image.now + times.quick_stop + times.disable
         if image.now <= self._deadline:
             return None
-        self._told = True
-        return self._moves(image, run_down)
+        self._reported = True
+        return self._moves(image, coast_down)
 
-    def _moves(self, image: AxisImage, run_down: CoastDown) -> DriveError:
+    def _moves(self, image: AxisImage, coast_down: CoastDown) -> DriveError:
         name, times = self._parameters.name, self._parameters.stop_times
         seen = f"{times.quick_stop + times.disable:g} s after its fault the drive is in state {image.state.value!r}"
-        if run_down.under_way:
-            seen += f": its power is off, {run_down.why_not(image)}"
+        if coast_down.under_way:
+            seen += f": its power is off, {coast_down.why_not(image)}"
         else:
             seen += ", which brakes the motor and has not ended"
         return DriveError(

@@ -61,10 +61,10 @@ _REMEDY_BY_CODE = {
 
 # Error codes of a drive that received too little from the master: heartbeat, an RPDO's deadline (CiA 301 table 26), SYNC (CiA
 # 402-2, 603Fh).
-_OF_OUR_SILENCE = frozenset({0x8130, 0x8250, 0x8700})
+_MASTER_SILENCE_CODES = frozenset({0x8130, 0x8250, 0x8700})
 
 
-_KEPT = 4  # parts that remain at the beginning and at the end of a long chain of observations
+_SHOWN_PARTS = 4  # parts that remain at the beginning and at the end of a long chain of observations
 _NO_CODE = "no error code could be read (603Fh)"
 _NOT_YET = "its error code is being read (603Fh)"
 _NO_OTHER = frozenset({PowerState.FAULT, PowerState.FAULT_REACTION_ACTIVE, PowerState.UNKNOWN})
@@ -133,7 +133,7 @@ class FaultDiagnosis:
             self.done = True
         return self.done
 
-    def tell(self, image: AxisImage, history: DriveHistory) -> DriveFault:
+    def fault_error(self, image: AxisImage, history: DriveHistory) -> DriveFault:
         """Return the error that explains the fault."""
         name, values = self._parameters.name, dict(self._transfers.values)
         recent = history.recent_emcy(image.now)
@@ -152,7 +152,7 @@ class FaultDiagnosis:
             observed="; ".join(texts),
             remedy=f"{remedy(code)}; then reset it: axis.reset()",
         )
-        if code in _OF_OUR_SILENCE:
+        if code in _MASTER_SILENCE_CODES:
             name_starvation(fault, image)
         return fault
 
@@ -160,8 +160,8 @@ class FaultDiagnosis:
 def chained(observed: str, what: str) -> str:
     """Append ``what`` to the observed text; of a long chain, only the beginning and the end remain."""
     parts = [*observed.split(THEN), what]
-    if len(parts) > 2 * _KEPT:
-        parts = [*parts[:_KEPT], *parts[-_KEPT:]]
+    if len(parts) > 2 * _SHOWN_PARTS:
+        parts = [*parts[:_SHOWN_PARTS], *parts[-_SHOWN_PARTS:]]
     return THEN.join(parts)
 
 
@@ -243,7 +243,7 @@ def name_starvation(error: AxisbusError, image: AxisImage) -> AxisbusError:
 
 # Last received NMT state of a node that is lost without any message.
 SILENT = frozenset({NmtState.OPERATIONAL, NmtState.UNKNOWN})
-ANEW = "close the machine and open it again"
+REOPEN = "close the machine and open it again"
 
 
 def start_and_reset(node: int) -> str:

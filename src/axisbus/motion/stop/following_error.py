@@ -3,11 +3,11 @@
 Theory of operation
 -------------------
 In the position modes the commanded position is 6062h; in csp it is the target that was sent. In profile velocity mode it is the
-ramped velocity command, integrated (``RampedWay``). A drive may lag: because of its filters, by one or two scan periods, or by an
-inhibit time. So the allowed error is ``standstill_window`` plus the distance covered in 0.25 s at the highest commanded speed of
-the last 0.5 s to 1 s. ``following_error``, or the drive's own window (6065h) in the position modes, replaces this distance. A
-larger error in two consecutive samples means a jam, a limit of the drive, a slipping coupling, or a drive that ignores its
-commands.
+ramped velocity command, integrated (``VelocityRampTracker``). A drive may lag: because of its filters, by one or two scan periods,
+or by an inhibit time. So the allowed error is ``standstill_window`` plus the distance covered in 0.25 s at the highest commanded
+speed of the last 0.5 s to 1 s. ``following_error``, or the drive's own window (6065h) in the position modes, replaces this
+distance. A larger error in two consecutive samples means a jam, a limit of the drive, a slipping coupling, or a drive that ignores
+its commands.
 
 Both values of a comparison belong to the same time: 6062h is compared with the position at its own sample time
 (``AxisImage.lead``), however rarely 6062h arrives. Two samples of such a rare 6062h give only the mean speed between them. The
@@ -66,14 +66,14 @@ class FollowingErrorMonitor:
     """Monitors one axis.
 
     Holds the last commanded position, its highest speed, and the number of consecutive samples beyond the allowed error. ``_mode``:
-    the position mode in which the activity commands the axis; None in other modes. ``led_at``: the time of the last commanded
+    the position mode in which the activity commands the axis; None in other modes. ``commanded_at``: the time of the last commanded
     position.
     """
 
     __slots__ = (
         "_activity",
         "_bit_was_clear",
-        "_led",
+        "_commanded_position",
         "_misses",
         "_mode",
         "_parameters",
@@ -81,7 +81,7 @@ class FollowingErrorMonitor:
         "_since",
         "_stamp",
         "_window",
-        "led_at",
+        "commanded_at",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -94,8 +94,8 @@ class FollowingErrorMonitor:
         self._activity = activity
         self._mode = None if activity is None or activity.mode not in FOLLOWED else activity.mode
         self._peak = RecentPeak()
-        self._led: int | None = None
-        self.led_at = -math.inf
+        self._commanded_position: int | None = None
+        self.commanded_at = -math.inf
         self._stamp = -math.inf
         self._misses = 0
         self._since = math.inf
@@ -110,22 +110,22 @@ class FollowingErrorMonitor:
             self._peak = peak
         if activity is None or image.position is None:
             return None
-        way, speed, stamp = activity.behind, activity.led_speed, image.position_stamp
-        if way is None:
+        distance, speed, stamp = activity.behind, activity.commanded_speed, image.position_stamp
+        if distance is None:
             if self._mode is None or image.mode != self._mode:
                 self._misses = 0
                 return None
-            way, stamp = self._led_off(image)
-            if way is None:
+            distance, stamp = self._distance_to_commanded(image)
+            if distance is None:
                 self._misses = 0
                 return self._by_drive(image) if image.mode == _PP else None
             speed = self._speed(image, activity)
         top = self._peak.note(speed, image.now)
-        if -self._window <= way <= self._window:
+        if -self._window <= distance <= self._window:
             self._misses, self._since = 0, math.inf
             return None
         allowed = self._allowed(top, image, activity)
-        if abs(way) <= allowed:
+        if abs(distance) <= allowed:
             self._misses, self._since = 0, math.inf
             return None
         if stamp == self._stamp:
@@ -135,22 +135,22 @@ class FollowingErrorMonitor:
         self._since = min(self._since, image.now)
         if self._misses < _TWICE or image.now < self._since + self._parameters.drive_following_time:
             return None
-        return self._failed(image, way, allowed)
+        return self._failed(image, distance, allowed)
 
     def is_used_to(self, activity: Activity) -> bool:
         """Whether ``activity`` is monitored in a position mode of the drive, by the commanded position alone."""
         return activity is self._activity and self._mode is not None and activity.behind is None
 
-    def close(self, led: int, now: float) -> None:
-        """Record, as ``error`` does, that the axis is within its window of ``led``, the target of the cycle before ``now``."""
-        before, stamp = self._led, self.led_at
-        self._led, self.led_at = led, now
-        self._peak.note(0.0 if before is None else abs(led - before) / (now - stamp), now)
+    def close(self, commanded_position: int, now: float) -> None:
+        """Record, as ``error`` does, that the axis is within its window of ``commanded_position``, the last target."""
+        before, stamp = self._commanded_position, self.commanded_at
+        self._commanded_position, self.commanded_at = commanded_position, now
+        self._peak.note(0.0 if before is None else abs(commanded_position - before) / (now - stamp), now)
         self._misses, self._since = 0, math.inf
 
-    def _led_off(self, image: AxisImage) -> tuple[float | None, float]:
+    def _distance_to_commanded(self, image: AxisImage) -> tuple[float | None, float]:
         """Return the distance of the axis from its commanded position, and the time of the sample."""
-        target, position = image.led.target, image.position
+        target, position = image.reference_tracker.target, image.position
         lead = image.demand_lead if self._parameters.compares_demand else None
         if target is not None and position is not None:
             off = target - position
@@ -161,34 +161,34 @@ class FollowingErrorMonitor:
     def _allowed(self, top: float, image: AxisImage, activity: Activity) -> float:
         parameters, by_position = self._parameters, activity.behind is None
         allowed = parameters.lag_allowed(top, by_position=by_position)
-        if image.led.target is None or not by_position or not parameters.has_lag_window:
+        if image.reference_tracker.target is None or not by_position or not parameters.has_lag_window:
             return allowed
         # A target takes effect with the next SYNC and is reached with the SYNC after it. The position is read one cycle later.
         return allowed + _TARGET_SEEN * top * parameters.scan_period
 
     def _speed(self, image: AxisImage, activity: Activity) -> float:
-        led, when = image.led.target, image.now
-        if led is None:
-            led, when = image.demand, image.demand_stamp
-        if led is None or when <= self.led_at:
+        commanded_position, when = image.reference_tracker.target, image.now
+        if commanded_position is None:
+            commanded_position, when = image.demand, image.demand_stamp
+        if commanded_position is None or when <= self.commanded_at:
             return 0.0
-        before, stamp = self._led, self.led_at
-        self._led, self.led_at = led, when
+        before, stamp = self._commanded_position, self.commanded_at
+        self._commanded_position, self.commanded_at = commanded_position, when
         if before is None:
             return 0.0
         passed = when - stamp
-        mean = abs(led - before) / passed
-        if passed <= _SELDOM * self._parameters.scan_period or led == before:
+        mean = abs(commanded_position - before) / passed
+        if passed <= _SELDOM * self._parameters.scan_period or commanded_position == before:
             return mean
-        return self._at_end(mean, min(passed, _SPEED_TIME), activity.course)
+        return self._at_end(mean, min(passed, _SPEED_TIME), activity.commanded)
 
     @staticmethod
-    def _at_end(mean: float, passed: float, course: CommandedMotion | None) -> float:
+    def _at_end(mean: float, passed: float, commanded: CommandedMotion | None) -> float:
         """Return the highest possible speed at the end of an interval of ``passed`` seconds with this ``mean``."""
-        if course is None or course.up is None:
+        if commanded is None or commanded.up is None:
             return mean
-        fastest = mean + 0.5 * course.up * passed
-        return fastest if course.speed is None else max(mean, min(fastest, abs(course.speed)))
+        fastest = mean + 0.5 * commanded.up * passed
+        return fastest if commanded.speed is None else max(mean, min(fastest, abs(commanded.speed)))
 
     def _by_drive(self, image: AxisImage) -> FollowingError | None:
         """Return the error of the drive's own monitoring (6065h, 6066h), if its bit 13 was clear before in this motion."""
@@ -212,11 +212,11 @@ class FollowingErrorMonitor:
             remedy=_REMEDY,
         )
 
-    def _failed(self, image: AxisImage, way: float, allowed: float) -> FollowingError:
+    def _failed(self, image: AxisImage, distance: float, allowed: float) -> FollowingError:
         name, units = self._parameters.name, self._parameters.units.position
         assert image.position is not None
         where = units.to_units(image.position - image.origin)
-        off = abs(units.to_units(way))
+        off = abs(units.to_units(distance))
         hints = [] if image.statusword is None else sw.hints(image.statusword, image.mode)
         seen = f"at {where:g} {units.unit} it is {off:g} {units.unit} from its expected position; "
         seen += f"{abs(units.to_units(allowed)):g} are allowed"
@@ -225,5 +225,9 @@ class FollowingErrorMonitor:
             axis=name,
             observed="; ".join([seen, *hints]),
             remedy=f"{_REMEDY}; following_error in [axes.{name}] sets the allowed lag"
-            + (', and demand = "ignore" there excludes a wrong 6062h' if image.led.target is None else ""),
+            + (
+                ', and demand = "ignore" there excludes a wrong 6062h'
+                if image.reference_tracker.target is None
+                else ""
+            ),
         )

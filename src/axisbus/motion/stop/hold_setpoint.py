@@ -30,14 +30,14 @@ def needs_relief(image: AxisImage, parameters: AxisParameters) -> bool:
     """Whether the controller may still pull the axis to the target of an interrupted move, and no value shows it."""
     if image.mode != ModeOfOperation.PROFILE_POSITION or image.demand is not None:
         return False
-    if image.led.set_point is None or image.position is None:
+    if image.reference_tracker.set_point is None or image.position is None:
         return False
-    return abs(image.led.set_point - image.position) > parameters.pull_window
+    return abs(image.reference_tracker.set_point - image.position) > parameters.pull_window
 
 
-def is_blind(image: AxisImage, parameters: AxisParameters) -> bool:
+def is_target_unknown(image: AxisImage, parameters: AxisParameters) -> bool:
     """Whether no value shows the controller's target, for an axis that was in the middle of a move or of a homing."""
-    searching = image.mode == ModeOfOperation.HOMING and image.led.searching_since < image.now
+    searching = image.mode == ModeOfOperation.HOMING and image.reference_tracker.homing_since < image.now
     return needs_relief(image, parameters) or (searching and image.pull is None)
 
 

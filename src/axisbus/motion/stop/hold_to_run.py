@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 
-class _Held(NamedTuple):
+class _Confirmation(NamedTuple):
     since: float
     seconds: float
     continuous: float
-    who: str
+    client: str
 
 
 class HoldToRun:
@@ -20,31 +20,37 @@ class HoldToRun:
     """
 
     def __init__(self) -> None:
-        self._held: _Held | None = None
+        self._confirmation: _Confirmation | None = None
 
-    def hold(self, now: float, seconds: float, who: str, continuous: float | None = None) -> None:
-        """Permit motion for ``seconds`` from ``now`` on; ``who`` is the program's name for the user.
+    def hold(self, now: float, seconds: float, client: str, continuous: float | None = None) -> None:
+        """Permit motion for ``seconds`` from ``now`` on; ``client`` is the program's name for the user.
 
         ``continuous``: the shorter time that counts while an axis is in a motion that only a further command stops; None: the same
         time.
         """
-        self._held = _Held(now, seconds, min(seconds, seconds if continuous is None else continuous), who)
+        self._confirmation = _Confirmation(
+            now, seconds, min(seconds, seconds if continuous is None else continuous), client
+        )
 
     def let_go(self) -> None:
         """End the monitoring: motion continues without further confirmation."""
-        self._held = None
+        self._confirmation = None
 
-    def broken(self, now: float, moves_on: Callable[[], bool]) -> str | None:
+    def broken(self, now: float, moves_continuously: Callable[[], bool]) -> str | None:
         """Return why everything must halt now, once; None if no halt is needed.
 
-        ``moves_on`` returns whether an axis is in continuous motion. It is called only if the result depends on it.
+        ``moves_continuously`` returns whether an axis is in continuous motion. It is called only if the result depends on it.
         """
-        held = self._held
-        if held is None or now <= held.since + held.continuous:
+        confirmation = self._confirmation
+        if confirmation is None or now <= confirmation.since + confirmation.continuous:
             return None
-        if now <= held.since + held.seconds and not moves_on():
+        if now <= confirmation.since + confirmation.seconds and not moves_continuously():
             return None
-        if self._held is held:  # otherwise the program has just confirmed again
-            self._held = None
-        silent = held.continuous if now <= held.since + held.seconds else held.seconds
-        return f"{held.who}, the hold-to-run client, sent no confirmation for {silent:g} s"
+        if self._confirmation is confirmation:  # otherwise the program has just confirmed again
+            self._confirmation = None
+        silent = (
+            confirmation.continuous
+            if now <= confirmation.since + confirmation.seconds
+            else confirmation.seconds
+        )
+        return f"{confirmation.client}, the hold-to-run client, sent no confirmation for {silent:g} s"

@@ -11,8 +11,8 @@ mode really has (``stop_of``).
 The monitor checks the position of the motor and the drive's demand (6062h), because a lagging motor still reaches the demand. A
 demand that arrives less often than the position has an outdated velocity. Such a demand only gives the lag of the motor in
 seconds, which is added to the reaction time of a stop. Without a trusted demand, the lag comes from the last targets of csp
-before a velocity command, or from the ramps of the commands (``RampedWay.lag``). The lag belongs to the drive, so the monitor
-uses the last value until a later command gives another one, and ``_UNKNOWN_LAG`` before the first.
+before a velocity command, or from the ramps of the commands (``VelocityRampTracker.lag``). The lag belongs to the drive, so the
+monitor uses the last value until a later command gives another one, and ``_UNKNOWN_LAG`` before the first.
 
 An axis at rest beyond a limit may move back (``position_limits``): the limit is then its rest position.
 
@@ -69,11 +69,11 @@ class LimitMonitor:
         "_origin",
         "_outward",
         "_parameters",
+        "_permitted_range",
         "_position",
-        "_room",
         "_shown_at",
         "_shown_lag",
-        "leaving",
+        "leaving_error",
     )
 
     def __init__(self, parameters: AxisParameters) -> None:
@@ -83,14 +83,14 @@ class LimitMonitor:
         self._edges = (
             None if edges is None else PositionRange(*edges)
         )  # in increments, relative to the origin
-        self._room = self._edges  # widened to the rest position of an axis that rests beyond them
-        self._origin: int | None = None  # to which the room refers
+        self._permitted_range = self._edges  # widened to the rest position of an axis that rests beyond them
+        self._origin: int | None = None  # to which the range refers
         self._free_since: float | None = None
         self._outward = 0  # sign of the torque that last moved the axis towards the outside of its limits
         self._lag: float | None = None  # seconds, last measured on targets or on the ramps of commands
         self._shown_lag = 0.0  # seconds, measured with a demand that arrives rarely
         self._shown_at = -math.inf  # when that demand arrived
-        self.leaving: LimitError | None = (
+        self.leaving_error: LimitError | None = (
             None  # the last danger of an axis inside its position limits: it can come to rest there
         )
 
@@ -134,33 +134,35 @@ class LimitMonitor:
         state: AxisState,
         *,
         bounded: bool = True,
-        course: CommandedMotion | None = None,
+        commanded: CommandedMotion | None = None,
         lag: float | None = None,
     ) -> AxisbusError | None:
         """Return why the axis must be stopped now; None: no danger.
 
-        ``bounded``: whether the position limits apply. ``course``: the motion commanded by the running command. ``lag``: the
+        ``bounded``: whether the position limits apply. ``commanded``: the motion commanded by the running command. ``lag``: the
         measured lag of the axis in seconds, beyond the time in which its drive accepts a command; None: keep the last value.
         """
         if self._edges is not None and image.position is not None:
-            self._follow_back(image, self._edges, image.position - image.origin)
+            self._update_permitted_range(image, self._edges, image.position - image.origin)
         if state is not _CONTINUOUS:
             self._free_since = None
             to_target = state is _DISCRETE and bounded and self._edges is not None
-            return self._overshoots(image, course) if to_target and course is not None else None
+            return self._overshoots(image, commanded) if to_target and commanded is not None else None
         if self._free_since is None:
             self._free_since = image.now
         if lag is not None:
             self._lag = lag
-        elif image.demand is None and image.led.target is not None and image.position is not None:
-            self._learn_lag(image.led.target - image.position)
+        elif (
+            image.demand is None and image.reference_tracker.target is not None and image.position is not None
+        ):
+            self._learn_lag(image.reference_tracker.target - image.position)
         bounded = bounded and self._parameters.limits.position is not None
         if image.position is None:
-            return self._blind(image) if bounded else None
+            return self._position_unknown(image) if bounded else None
         if not self._position.is_known:
             return None
-        course = course or CommandedMotion()
-        return self._too_fast(image, course) or (self._too_far(image, course) if bounded else None)
+        commanded = commanded or CommandedMotion()
+        return self._too_fast(image, commanded) or (self._too_far(image, commanded) if bounded else None)
 
     def note_torque(self, commanded: int, measured: int | None) -> None:
         """Record the direction of the torque under which the axis is leaving its limits, unless the drive shows another one."""
@@ -183,14 +185,14 @@ class LimitMonitor:
         returns = not image.standstill and (velocity > 0) == (where < low)
         return not returns and (torque is None or torque * self._outward > 0)
 
-    def _follow_back(self, image: AxisImage, edges: PositionRange, where: int) -> None:
+    def _update_permitted_range(self, image: AxisImage, edges: PositionRange, where: int) -> None:
         """Widen the limits to the rest position of an axis beyond them; narrow them again while the axis moves back."""
         if edges.has(where):
-            self._room = edges
-        elif image.standstill or self._room is None or self._origin != image.origin:
-            self._room = widened(edges, where, 0.0)
+            self._permitted_range = edges
+        elif image.standstill or self._permitted_range is None or self._origin != image.origin:
+            self._permitted_range = widened(edges, where, 0.0)
         else:
-            self._room = narrowed(self._room, edges, where, 0.0)
+            self._permitted_range = narrowed(self._permitted_range, edges, where, 0.0)
         self._origin = image.origin
 
     def overrun(
@@ -205,16 +207,16 @@ class LimitMonitor:
         velocity, _ = self._position.motion
         if before is not None and before.by_torque:
             return self._stop(image, CommandedMotion(by_torque=True), down)
-        course = CommandedMotion(speed=velocity, up=0.0, soft=soft)
+        commanded = CommandedMotion(speed=velocity, up=0.0, soft=soft)
         if before is not None and before.speed is not None and before.up is not None:
             # The axis may accelerate until the drive has the next ramps, and the next set-point or velocity.
             speed = math.copysign(before.speed, velocity) if before.by_target else before.speed
             if before.by_target or abs(speed) > _OVERSPEED * abs(velocity):
                 soft += 2.0 * _PREPARES * self._parameters.scan_period
-            course = CommandedMotion(speed=speed, up=before.up, soft=soft)
-        return self._stop(image, course, down)
+            commanded = CommandedMotion(speed=speed, up=before.up, soft=soft)
+        return self._stop(image, commanded, down)
 
-    def _overshoots(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
+    def _overshoots(self, image: AxisImage, commanded: CommandedMotion) -> LimitError | None:
         """Return why a move to a position must be stopped: its initial speed is too high for its deceleration.
 
         If the move ends within the limits, its computed rest position can be beyond them only because its velocity is older than
@@ -222,7 +224,7 @@ class LimitMonitor:
         """
         if self._edges is None or image.position is None or not self._position.is_known:
             return None
-        if course.down is not None and self._is_far(image, course.down):
+        if commanded.down is not None and self._is_far(image, commanded.down):
             return None
         velocity, _ = self._position.motion
         window = (
@@ -234,20 +236,20 @@ class LimitMonitor:
         if _only_wanders(self._position, direction):
             return None
         # If the braking distance is not known, the move is stopped once it has left the limits.
-        distance = 0.0 if course.down is None else braking_distance(self._position.least, course.down)
-        way = direction * (distance - window)
-        rest = self._outside(image, image.position + way, direction)
-        return None if rest is None else self._leaving(image, rest)
+        distance = 0.0 if commanded.down is None else braking_distance(self._position.least, commanded.down)
+        stop_distance = direction * (distance - window)
+        rest = self._outside(image, image.position + stop_distance, direction)
+        return None if rest is None else self._leaving_error(image, rest)
 
     def _is_far(self, image: AxisImage, down: float) -> bool:
         """Whether the limits are so far away that the axis could brake from twice its speed: no further computation is needed."""
         assert self._edges is not None
         assert image.position is not None
-        way = _WINDOW + 4.0 * braking_distance(self._position.mean, down)
+        stop_distance = _WINDOW + 4.0 * braking_distance(self._position.mean, down)
         where = image.position - image.origin
-        return self._edges[0] + way < where < self._edges[1] - way
+        return self._edges[0] + stop_distance < where < self._edges[1] - stop_distance
 
-    def _blind(self, image: AxisImage) -> AxisbusError | None:
+    def _position_unknown(self, image: AxisImage) -> AxisbusError | None:
         try:
             require_position(image, self._parameters.name, "keeping the position limits")
         except AxisbusError as error:
@@ -256,13 +258,13 @@ class LimitMonitor:
 
     # -- velocity ----------------------------------------------------------------------------------------------------
 
-    def _too_fast(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
+    def _too_fast(self, image: AxisImage, commanded: CommandedMotion) -> LimitError | None:
         limit, units = self._parameters.limits.velocity, self._parameters.units.position
         if limit is None or not self._parameters.units.ratio_known:
             return None  # a limit in the drive's own velocity increments cannot be compared with positions
         velocity, acceleration = self._position.motion
         speed, allowed = abs(units.to_units(velocity)), limit * _OVERSPEED
-        if course.by_torque:  # only the master limits the speed here: the axis must not reach the limit
+        if commanded.by_torque:  # only the master limits the speed here: the axis must not reach the limit
             gain = acceleration if velocity > 0 else -acceleration
             speed += abs(units.to_units(max(0.0, gain))) * self._growth(image, self._position)
             allowed = limit
@@ -270,9 +272,9 @@ class LimitMonitor:
         if speed <= allowed + noise:
             return None
         return LimitError(
-            f"{self._parameters.name}: {'about to be ' if course.by_torque else ''}faster than max_velocity",
+            f"{self._parameters.name}: {'about to be ' if commanded.by_torque else ''}faster than max_velocity",
             observed=f"{abs(units.to_units(velocity)):g} {units.unit}/s"
-            + (f", could be {speed:g} before a stop acts" if course.by_torque else "")
+            + (f", could be {speed:g} before a stop acts" if commanded.by_torque else "")
             + f"; the limit is {limit:g}",
             remedy=f"lower the torque or velocity, or raise max_velocity in [axes.{self._parameters.name}] of cell.toml; if "
             "a lower velocity was commanded, the drive uses another unit of velocity: check velocity_scale; the axis "
@@ -281,22 +283,22 @@ class LimitMonitor:
 
     # -- position ----------------------------------------------------------------------------------------------------
 
-    def _too_far(self, image: AxisImage, course: CommandedMotion) -> LimitError | None:
-        ramp = stop_of(self._parameters, course)[1]
-        if ramp is None and course.unknown:
-            return self._unstoppable(course)
-        stop = self._stop(image, course, ramp)
-        return None if stop is None else self._leaving(image, stop)
+    def _too_far(self, image: AxisImage, commanded: CommandedMotion) -> LimitError | None:
+        ramp = stop_of(self._parameters, commanded)[1]
+        if ramp is None and commanded.unknown:
+            return self._unstoppable(commanded)
+        stop = self._stop(image, commanded, ramp)
+        return None if stop is None else self._leaving_error(image, stop)
 
-    def _unstoppable(self, course: CommandedMotion) -> LimitError:
-        why, remedy = unknown_braking(self._parameters, course)
+    def _unstoppable(self, commanded: CommandedMotion) -> LimitError:
+        why, remedy = unknown_braking(self._parameters, commanded)
         return LimitError(
             f"{self._parameters.name}: the axis could not be stopped within its position limits",
             observed=why,
             remedy=remedy,
         )
 
-    def _leaving(self, image: AxisImage, stop: float) -> LimitError:
+    def _leaving_error(self, image: AxisImage, stop: float) -> LimitError:
         limits, units = self._parameters.limits.position, self._parameters.units.position
         assert limits is not None
         assert image.position is not None
@@ -309,10 +311,10 @@ class LimitMonitor:
             remedy="move back into the limits; the axis was stopped",
         )
         if limits[0] <= units.to_units(image.position - image.origin) <= limits[1]:
-            self.leaving = error
+            self.leaving_error = error
         return error
 
-    def _leads(self, image: AxisImage) -> bool:
+    def _demand_is_current(self, image: AxisImage) -> bool:
         """Whether the demand belongs to this motion: a drive may keep an old demand in a mode that has none."""
         if image.demand is None or image.position is None:
             return False
@@ -326,16 +328,16 @@ class LimitMonitor:
         spacing = self._demand.spacing if self._demand.is_known else image.position_stamp - image.demand_stamp
         return spacing > _SELDOM * self._position.spacing
 
-    def _stop(self, image: AxisImage, course: CommandedMotion, ramp: float | None) -> float | None:
+    def _stop(self, image: AxisImage, commanded: CommandedMotion, ramp: float | None) -> float | None:
         """Return where the axis would come to rest, in units, if this is beyond the limits; None otherwise."""
-        leads = self._leads(image) and not course.by_torque
-        seldom = leads and self._is_seldom(image)
+        demand_counts = self._demand_is_current(image) and not commanded.by_torque
+        seldom = demand_counts and self._is_seldom(image)
         self._take_lag(image, seldom=seldom)
-        lag = self._shown_lag if leads else self._known_lag
-        stop = self._beyond(image, self._position, course, ramp, 0.0 if course.by_torque else lag)
-        if stop is None and leads and not seldom:
+        lag = self._shown_lag if demand_counts else self._known_lag
+        stop = self._beyond(image, self._position, commanded, ramp, 0.0 if commanded.by_torque else lag)
+        if stop is None and demand_counts and not seldom:
             late = max(0.0, image.position_stamp - image.demand_stamp)
-            stop = self._beyond(image, self._demand, course, ramp, late)
+            stop = self._beyond(image, self._demand, commanded, ramp, late)
         return stop
 
     def _take_lag(self, image: AxisImage, *, seldom: bool) -> None:
@@ -354,7 +356,7 @@ class LimitMonitor:
         self,
         image: AxisImage,
         track: VelocityEstimator,
-        course: CommandedMotion,
+        commanded: CommandedMotion,
         ramp: float | None,
         late: float,
     ) -> float | None:
@@ -363,27 +365,27 @@ class LimitMonitor:
         ``late``: seconds by which the axis lags behind this track, or by which the track is older than a position.
         """
         # For this time the velocity, and its rise, continue while one ramp replaces another.
-        soft = 0.5 * course.soft + late
+        soft = 0.5 * commanded.soft + late
         growth = self._growth(image, track) + soft
         for direction in (1, -1):
-            speed = _fastest(track, direction, course, growth)
+            speed = _fastest(track, direction, commanded, growth)
             if speed <= 0:
                 continue  # it moves in the other direction
-            if self._may_be_noise(track, direction, course):
-                way, window = 0.0, NOISE
+            if self._may_be_noise(track, direction, commanded):
+                stop_distance, window = 0.0, NOISE
             else:
-                way, window = self._way_to_rest(image, track, speed, soft, course, ramp), 0.0
-            rest = self._outside(image, track.value + direction * way, direction, window)
+                stop_distance, window = self._stop_distance(image, track, speed, soft, commanded, ramp), 0.0
+            rest = self._outside(image, track.value + direction * stop_distance, direction, window)
             if rest is not None:
                 return rest
         return None
 
-    def _may_be_noise(self, track: VelocityEstimator, direction: int, course: CommandedMotion) -> bool:
+    def _may_be_noise(self, track: VelocityEstimator, direction: int, commanded: CommandedMotion) -> bool:
         """Whether no command moves the axis in ``direction``, and it has moved there by no more than the noise of its position.
 
         The same if a command moves it in the other direction, and its newest positions are equal: it has just come to rest.
         """
-        goal = 0.0 if course.speed is None else course.speed * direction
+        goal = 0.0 if commanded.speed is None else commanded.speed * direction
         if goal > 0:
             return False
         return _only_wanders(track, direction) or (goal < 0 and not track.motion[0])
@@ -392,27 +394,27 @@ class LimitMonitor:
         self, image: AxisImage, position: float, direction: int, window: float = 0.0
     ) -> float | None:
         """Return ``position`` in units if it is beyond the limit in ``direction`` (1 or -1, of the increments) by ``window``."""
-        if self._room is None:
+        if self._permitted_range is None:
             return None
-        edge = self._room.high if direction > 0 else self._room.low
+        edge = self._permitted_range.high if direction > 0 else self._permitted_range.low
         where = position - image.origin
         return (
             self._parameters.units.position.to_units(where) if (where - edge) * direction > window else None
         )
 
-    def _way_to_rest(
+    def _stop_distance(
         self,
         image: AxisImage,
         track: VelocityEstimator,
         speed: float,
         soft: float,
-        course: CommandedMotion,
+        commanded: CommandedMotion,
         ramp: float | None,
     ) -> float:
         """Return the increments to rest from ``speed``: the distance before a stop acts, plus its braking distance."""
         time = self._time(image, track.motion[0]) + soft
-        way = speed * (time + max(_UNKNOWN_LAG, self._known_lag) if course.by_torque else time)
-        return way + braking_distance(speed, ramp) if ramp else way
+        stop_distance = speed * (time + max(_UNKNOWN_LAG, self._known_lag) if commanded.by_torque else time)
+        return stop_distance + braking_distance(speed, ramp) if ramp else stop_distance
 
     def _growth(self, image: AxisImage, track: VelocityEstimator) -> float:
         """Return the seconds from the time of a track's velocity to the time at which a stop acts."""
@@ -430,29 +432,30 @@ class LimitMonitor:
         return age + _REACTION * self._parameters.scan_period
 
 
-def stop_of(parameters: AxisParameters, course: CommandedMotion) -> tuple[StopLevel, float | None]:
-    """Return the stop level that brakes an axis on ``course``, and its deceleration (position increments/s²; None: unknown).
+def stop_of(parameters: AxisParameters, commanded: CommandedMotion) -> tuple[StopLevel, float | None]:
+    """Return the stop level that brakes an axis in the ``commanded`` motion, and its deceleration (position increments/s²; None:
+    unknown).
 
     A halt in profile torque mode only sets the torque to 0. So in this mode the quick stop brakes. If the quick stop does not
     brake, or would let a load fall, a halt brakes that changes to a braking mode (``stop_sequence``).
     """
     braking = parameters.braking
-    slow = braking.capped_down(course.down or (None if course.unknown else parameters.slow_ramp))
+    slow = braking.capped_down(commanded.down or (None if commanded.unknown else parameters.slow_ramp))
     quick = StopLevel.QUICK_STOP, braking.deceleration(braking.quick_stop, slow)
-    if course.by_target:
+    if commanded.by_target:
         harder = braking.quick_stop in BRAKES and (quick[1] or 0.0) > (slow or 0.0)
         return quick if harder else (StopLevel.HALT, slow)
-    if course.by_core:
-        return StopLevel.HALT, course.down
-    if course.by_torque:
+    if commanded.by_core:
+        return StopLevel.HALT, commanded.down
+    if commanded.by_torque:
         return (StopLevel.HALT, slow) if parameters.halts_torque_by_mode else quick
     if braking.halt is Ramp.COAST and braking.quick_stop in BRAKES:
         return quick
     return StopLevel.HALT, braking.deceleration(braking.halt, slow)
 
 
-def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tuple[str, str]:
-    """Return why the deceleration of a stop of an axis on ``course`` is not known, and the remedy."""
+def unknown_braking(parameters: AxisParameters, commanded: CommandedMotion) -> tuple[str, str]:
+    """Return why the deceleration of a stop in the ``commanded`` motion is not known, and the remedy."""
     name, braking = parameters.name, parameters.braking
     if not parameters.units.ratio_known:
         return (
@@ -460,7 +463,7 @@ def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tupl
             f"give velocity_scale (and acceleration_scale) in [axes.{name}] of cell.toml, which axisbus check explains; or move to "
             "positions",
         )
-    by_quick_stop = course.by_torque and not parameters.halts_torque_by_mode
+    by_quick_stop = commanded.by_torque and not parameters.halts_torque_by_mode
     ramp, code = (braking.quick_stop, "605Ah") if by_quick_stop else (braking.halt, "605Dh")
     if ramp is Ramp.COAST:
         key = "quick_stop" if by_quick_stop else "halt"
@@ -474,7 +477,7 @@ def unknown_braking(parameters: AxisParameters, course: CommandedMotion) -> tupl
             f"set deceleration in [axes.{name}.stop], or a word other than ramp",
         )
     fixed = dict(parameters.fixed_ramps)
-    if objects.PROFILE_DECELERATION in fixed or course.unknown:
+    if objects.PROFILE_DECELERATION in fixed or commanded.unknown:
         return (
             "the drive does not accept a deceleration (6084h), and reports no deceleration of its own",
             f"see the drive's manual for its deceleration; without position_limits in [axes.{name}] it may turn freely",
@@ -490,17 +493,17 @@ def _only_wanders(track: VelocityEstimator, direction: int) -> bool:
     return track.change * direction <= NOISE
 
 
-def _fastest(track: VelocityEstimator, direction: int, course: CommandedMotion, time: float) -> float:
+def _fastest(track: VelocityEstimator, direction: int, commanded: CommandedMotion, time: float) -> float:
     """Return the highest speed of a track in ``direction`` after ``time``: by its command, else by the measured acceleration."""
     out = track.toward(direction)
-    if course.speed is None or course.up is None:
+    if commanded.speed is None or commanded.up is None:
         return out + max(0.0, track.motion[1] * direction) * time
-    goal = course.speed * direction
+    goal = commanded.speed * direction
     if goal <= out:
         return out
     if out < 0.0:  # it turns first, by the higher of both rates: the drive may use either
-        turning = max(course.up, course.down or 0.0)
+        turning = max(commanded.up, commanded.down or 0.0)
         if out + turning * time <= 0.0:
             return out + turning * time
         out, time = 0.0, time + out / turning
-    return min(goal, out + course.up * time)
+    return min(goal, out + commanded.up * time)

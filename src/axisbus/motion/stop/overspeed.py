@@ -50,7 +50,7 @@ class SpeedWatch:
     ) -> LimitError | None:
         """Return why an axis that ``activity`` moves must be stopped; None: no error. ``track``: the track of its positions."""
         # In the cyclic modes the master generates the targets, and ``FollowingErrorMonitor`` monitors the lag behind them.
-        if activity is None or activity.leading is not None:
+        if activity is None or activity.set_point_source is not None:
             self._activity, self._excused, self._misses, self._begins = None, 0.0, 0, True
             return None
         if image.position is None or not track.is_known:
@@ -83,11 +83,11 @@ class SpeedWatch:
 
     def _asked(self, image: AxisImage, activity: Activity, seen: float) -> float | None:
         """Return the speed that the axis may have because of its commands; None if it is not known."""
-        course = activity.course
-        if course is None or course.speed is None or course.by_torque:
+        commanded = activity.commanded
+        if commanded is None or commanded.speed is None or commanded.by_torque:
             self._activity, self._excused = None, seen
             return None
-        asked = abs(course.speed)
+        asked = abs(commanded.speed)
         if self._begins:  # it may follow a faster motion
             self._begins, self._excused = False, seen
         if activity is not self._activity or not activity.in_effect:

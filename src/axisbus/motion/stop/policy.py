@@ -70,10 +70,10 @@ class FaultPolicy:
 
     def how(self, axis: str, failed: str) -> GroupFault:
         """Return how ``axis`` is stopped because of ``failed``: by the hardest setting of the groups that contain both."""
-        ways = (
+        settings = (
             self.on_fault.get(name, GroupFault.PATH)
             for name, axes in self.groups.items()
             if axis in axes and failed in axes
         )
-        how = max(ways, key=_HARDER.index, default=GroupFault.PATH)
+        how = max(settings, key=_HARDER.index, default=GroupFault.PATH)
         return GroupFault.PATH if how is GroupFault.EACH and axis in self.mates else how

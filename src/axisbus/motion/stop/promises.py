@@ -77,38 +77,38 @@ def rows(found: Sequence[Promise]) -> Iterator[tuple[str, str]]:
         yield limit, f"{', '.join(modes)}: {kept.value}" + (f": {why}" if why else "")
 
 
-class _Answer(NamedTuple):
+class _Enforcement(NamedTuple):
     kept: LimitEnforcement
     why: str = ""
     remedy: str = ""
 
 
-def _position(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
+def _position(parameters: AxisParameters, mode: ModeOfOperation) -> _Enforcement:
     if mode is _M.HOMING:
-        return _Answer(LimitEnforcement.NOT, "the drive searches freely; the limits apply after homing")
+        return _Enforcement(LimitEnforcement.NOT, "the drive searches freely; the limits apply after homing")
     if not parameters.has(objects.POSITION_ACTUAL):
         kept = LimitEnforcement.AT if mode is _M.PROFILE_POSITION else LimitEnforcement.REFUSED
-        return _Answer(kept, "the drive has no position actual value (6064h)")
+        return _Enforcement(kept, "the drive has no position actual value (6064h)")
     if mode is _M.CYCLIC_SYNC_POSITION:
         return _by_path(parameters)
-    course = _course(parameters, mode)
-    if stop_of(parameters, course)[1] is not None:
-        return _Answer(LimitEnforcement.AHEAD)
+    commanded = _commanded_motion(parameters, mode)
+    if stop_of(parameters, commanded)[1] is not None:
+        return _Enforcement(LimitEnforcement.AHEAD)
     kept = LimitEnforcement.AT if mode is _M.PROFILE_POSITION else LimitEnforcement.REFUSED
-    return _Answer(kept, *unknown_braking(parameters, course))
+    return _Enforcement(kept, *unknown_braking(parameters, commanded))
 
 
-def _by_path(parameters: AxisParameters) -> _Answer:
+def _by_path(parameters: AxisParameters) -> _Enforcement:
     if parameters.path_deceleration is not None:
-        return _Answer(LimitEnforcement.AHEAD)
-    return _Answer(
+        return _Enforcement(LimitEnforcement.AHEAD)
+    return _Enforcement(
         LimitEnforcement.AT,
         "no deceleration is given",
         f"set deceleration in [axes.{parameters.name}.defaults] of cell.toml",
     )
 
 
-def _course(parameters: AxisParameters, mode: ModeOfOperation) -> CommandedMotion:
+def _commanded_motion(parameters: AxisParameters, mode: ModeOfOperation) -> CommandedMotion:
     """Return the motion of an axis in a mode, for a command that gives all its parameters."""
     if mode in _BY_TORQUE:
         return CommandedMotion(by_torque=True)
@@ -120,12 +120,12 @@ def _course(parameters: AxisParameters, mode: ModeOfOperation) -> CommandedMotio
     return CommandedMotion(down=parameters.slow_ramp or given, by_target=mode is _M.PROFILE_POSITION)
 
 
-def _velocity(parameters: AxisParameters, mode: ModeOfOperation) -> _Answer:
+def _velocity(parameters: AxisParameters, mode: ModeOfOperation) -> _Enforcement:
     if not parameters.has(objects.POSITION_ACTUAL):
-        return _Answer(LimitEnforcement.CHECKED, "the drive has no position actual value (6064h)")
+        return _Enforcement(LimitEnforcement.CHECKED, "the drive has no position actual value (6064h)")
     if parameters.units.ratio_known or mode is _M.CYCLIC_SYNC_POSITION:
-        return _Answer(LimitEnforcement.WATCHED)
-    return _Answer(
+        return _Enforcement(LimitEnforcement.WATCHED)
+    return _Enforcement(
         LimitEnforcement.CHECKED,
         "the unit of its velocities is not known",
         f"give velocity_scale in [axes.{parameters.name}] of cell.toml",

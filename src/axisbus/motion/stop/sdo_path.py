@@ -6,8 +6,8 @@ The controlword is sent by SDO if the node is not operational, if the state of t
 obey the RPDO. It is sent repeatedly until the stop ends, because a word that was refused or lost stops nothing.
 
 After a boot-up message two devices may answer SDO requests under one node-ID, and the one at standstill may answer first. So the
-values received by TPDO since then (``AxisImage.heard``) can only contradict a stop, never confirm it. A TPDO statusword of an
-energised drive has priority over the statusword read by SDO, and a changing TPDO position counts as motion.
+values received by TPDO since then (``AxisImage.since_restart``) can only contradict a stop, never confirm it. A TPDO statusword of
+an energised drive has priority over the statusword read by SDO, and a changing TPDO position counts as motion.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _POLL = 0.1  # seconds between two reads
 _SAME = 2  # increments that an axis at standstill may move between them
 _OBEYED_WITHIN = 0.1  # seconds after which a drive still in operation enabled has not obeyed the RPDO
 _SEND_AGAIN = 0.25  # seconds
-_LED = (objects.MODES_OF_OPERATION_DISPLAY, objects.POSITION_DEMAND)
+_DEMAND_OBJECTS = (objects.MODES_OF_OPERATION_DISPLAY, objects.POSITION_DEMAND)
 
 
 class SdoPath:
@@ -37,18 +37,18 @@ class SdoPath:
 
     __slots__ = (
         "_asked",
+        "_at_standstill",
+        "_demand_objects",
         "_due",
         "_has_position",
-        "_heard_state",
-        "_heard_still",
-        "_led",
         "_position",
         "_rests",
         "_seen",
         "_send_due",
         "_sending",
-        "_stands",
         "_state",
+        "_tpdo_state",
+        "_tpdo_still",
         "_window",
         "_word",
         "_word_since",
@@ -56,14 +56,14 @@ class SdoPath:
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._state: PowerState | None = None
-        self._stands = False
+        self._at_standstill = False
         self._rests = False  # as far as two positions show
         self._has_position = parameters.has(objects.POSITION_ACTUAL)
-        self._led = _LED if all(map(parameters.has, _LED)) else ()
+        self._demand_objects = _DEMAND_OBJECTS if all(map(parameters.has, _DEMAND_OBJECTS)) else ()
         self._window = parameters.pull_window
         self._position: int | None = None
-        self._heard_state: PowerState | None = None
-        self._heard_still = SettledValue(parameters.standstill_tolerance, parameters.timing.standstill_time)
+        self._tpdo_state: PowerState | None = None
+        self._tpdo_still = SettledValue(parameters.standstill_tolerance, parameters.timing.standstill_time)
         self._word: int | None = None
         self._word_since = math.inf
         self._sending: int | None = None  # the request that is running
@@ -75,51 +75,51 @@ class SdoPath:
     @property
     def state(self) -> PowerState | None:
         """The drive's state by SDO; None until it has answered. An energised state shown by TPDOs has priority."""
-        if self._state is None or self._heard_state is None or self._state in ENERGISED:
+        if self._state is None or self._tpdo_state is None or self._state in ENERGISED:
             return self._state
-        return self._heard_state if self._heard_state in ENERGISED else self._state
+        return self._tpdo_state if self._tpdo_state in ENERGISED else self._state
 
     @property
-    def stands(self) -> bool:
+    def at_standstill(self) -> bool:
         """Whether two consecutive positions were the same, nothing pulls the axis, and no TPDO shows a motion."""
-        return self._stands and not self._is_heard_moving
+        return self._at_standstill and not self._tpdo_shows_motion
 
     @property
     def may_turn(self) -> bool:
         """Whether the drive has a position and two consecutive positions were not yet the same, or a TPDO shows a motion."""
-        return (self._has_position and not self._rests) or self._is_heard_moving
+        return (self._has_position and not self._rests) or self._tpdo_shows_motion
 
     @property
-    def _is_heard_moving(self) -> bool:
-        return self._heard_state is not None and not self._heard_still.still
+    def _tpdo_shows_motion(self) -> bool:
+        return self._tpdo_state is not None and not self._tpdo_still.still
 
     def look(self, image: AxisImage, order: CycleOutputs) -> None:
         """Read statusword and position if no PDO brings them, and mode and demand of an energised drive."""
         if image.state is not PowerState.UNKNOWN:
-            self._state, self._stands, self._rests, self._position = None, False, False, None
-            self._heard_state = None
+            self._state, self._at_standstill, self._rests, self._position = None, False, False, None
+            self._tpdo_state = None
             return
-        self._hear(image)
+        self._take_tpdo_values(image)
         for request in [number for number in self._asked if number in image.replies]:
             self._take(self._asked.pop(request), image.replies[request].value)
             if not self._asked:
                 self._judge(image)
         if not self._asked and image.now >= self._due:
             self._due = image.now + _POLL
-            self._ask(order)
+            self._begin_read(order)
 
-    def _hear(self, image: AxisImage) -> None:
+    def _take_tpdo_values(self, image: AxisImage) -> None:
         """Evaluate the TPDO values received since the node may have restarted."""
-        word, position = image.heard if image.restarted else (None, None)
-        self._heard_state = None if word is None or position is None else decode(word.value)
+        word, position = image.since_restart if image.restarted else (None, None)
+        self._tpdo_state = None if word is None or position is None else decode(word.value)
         if position is not None:
-            self._heard_still.feed(position.value, position.stamp)
+            self._tpdo_still.feed(position.value, position.stamp)
 
-    def _ask(self, order: CycleOutputs) -> None:
+    def _begin_read(self, order: CycleOutputs) -> None:
         wanted = [objects.STATUSWORD]
         if self._has_position:
             wanted.append(objects.POSITION_ACTUAL)
-            wanted += self._led if self._state in ENERGISED else ()
+            wanted += self._demand_objects if self._state in ENERGISED else ()
         self._seen = {}
         self._asked = {order.request(index, 0, None): index for index in wanted}
 
@@ -133,16 +133,16 @@ class SdoPath:
         before, now = self._position, self._seen.get(objects.POSITION_ACTUAL)
         self._position = now
         self._rests = before is not None and now is not None and abs(now - before) <= _SAME
-        self._stands = self._rests and not self._is_pulled(image)
+        self._at_standstill = self._rests and not self._is_pulled(image)
 
     def _is_pulled(self, image: AxisImage) -> bool:
-        demand, mode = (self._seen.get(index) for index in reversed(_LED))
-        if self._position is None or demand is None or not image.led.trust.believes(mode):
+        demand, mode = (self._seen.get(index) for index in reversed(_DEMAND_OBJECTS))
+        if self._position is None or demand is None or not image.reference_tracker.trust.trusts(mode):
             return False
         position = unwrap(image.last_position, self._position)
         demand = unwrap(position, demand)
-        lead = demand - position if image.led.may_count(demand, mode) else None
-        pull = image.led.pull(lead, position, self._state or PowerState.UNKNOWN)
+        lead = demand - position if image.reference_tracker.may_count(demand, mode) else None
+        pull = image.reference_tracker.pull(lead, position, self._state or PowerState.UNKNOWN)
         return pull is not None and abs(pull) > self._window
 
     def send(self, word: int, image: AxisImage, order: CycleOutputs) -> None:

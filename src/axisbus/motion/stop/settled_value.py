@@ -15,10 +15,10 @@ class SettledValue:
     """
 
     __slots__ = (
-        "_began",
+        "_began_at",
         "_first",
+        "_first_outside",
         "_highest",
-        "_left",
         "_lowest",
         "_stamp",
         "_tolerance",
@@ -31,9 +31,9 @@ class SettledValue:
         self._tolerance = tolerance
         self._window = window
         self._first = self._lowest = self._highest = math.nan
-        self._began = -math.inf
+        self._began_at = -math.inf
         # The first value that is too far from the first one of the window, and its time.
-        self._left: tuple[float, float] | None = None
+        self._first_outside: tuple[float, float] | None = None
         self._stamp = since
         self.still = False
 
@@ -54,22 +54,22 @@ class SettledValue:
 
     def _judge(self, value: float, stamp: float) -> None:
         """Decide at the end of the window; if the value left its tolerance, the window begins again where that happened first."""
-        if self._left is None and abs(value - self._first) > self._tolerance:
-            self._left = value, stamp
-        if stamp - self._began < self._window:
+        if self._first_outside is None and abs(value - self._first) > self._tolerance:
+            self._first_outside = value, stamp
+        if stamp - self._began_at < self._window:
             return
-        if self._left is not None and abs(value - self._first) > self._tolerance:
-            (self._first, self._began), self._left = self._left, None
-        self.still = stamp - self._began >= self._window and abs(value - self._first) <= self._tolerance
+        if self._first_outside is not None and abs(value - self._first) > self._tolerance:
+            (self._first, self._began_at), self._first_outside = self._first_outside, None
+        self.still = stamp - self._began_at >= self._window and abs(value - self._first) <= self._tolerance
 
     def _begin(self, value: float, stamp: float) -> None:
         self._first = self._lowest = self._highest = value
-        self._began, self._left, self.still = stamp, None, False
+        self._began_at, self._first_outside, self.still = stamp, None, False
 
     @property
     def rested_since(self) -> float:
         """When the first of these values was received (-inf: never)."""
-        return self._began
+        return self._began_at
 
     def since(self, moment: float) -> bool:
         """Return whether the value has been constant for a whole window after ``moment``, with a value received at its end."""

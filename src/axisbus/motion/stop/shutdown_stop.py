@@ -27,7 +27,7 @@ _MAY_MOVE = ENERGISED | {PowerState.UNKNOWN}
 _ALARM = "TREAT THE AXIS AS MOVING: use the emergency stop; then check cable and drive"
 
 
-class AxisLeaving:
+class AxisShutdown:
     """Shutdown of one axis; holds its ticket, the time until which it is monitored, and the error to report."""
 
     def __init__(self, core: AxisCore, command: Shutdown, now: float) -> None:
@@ -37,7 +37,7 @@ class AxisLeaving:
         self._core = core
         self._ticket = CommandStatus(f"{core.parameters.name}.stop ({command.reason})")
         self._since = now
-        self._until = now + core.parameters.stop_times.ladder
+        self._until = now + core.parameters.stop_times.stop_sequence
         accept(core, command, self._ticket)
 
     def step(self, now: float) -> None:
@@ -51,18 +51,18 @@ class AxisLeaving:
             self._end(self._moving(error))
 
     @property
-    def told(self) -> AxisbusError | None:
+    def error_so_far(self) -> AxisbusError | None:
         """The error to report so far."""
         return self.error if self.over else self._ticket.error
 
     @property
-    def verdict(self) -> AxisbusError | None:
+    def final_error(self) -> AxisbusError | None:
         """The error to report if the monitoring ends now."""
         return self.error if self.over or self._ticket.busy else self._moving(self._ticket.error)
 
     def _unsure(self, error: AxisbusError | None) -> bool:
         """Whether the stop sequence itself ended without a certain result, or the scan has ended: further monitoring is useless."""
-        return error is not None and not isinstance(error, DriveFault) and not self._core.stopped_for_sure
+        return error is not None and not isinstance(error, DriveFault) and not self._core.stop_confirmed
 
     @property
     def _seen_at_rest(self) -> bool:
@@ -70,14 +70,14 @@ class AxisLeaving:
         if not core.touched:
             return True
         image = core.image
-        if image.state in _MAY_MOVE and not core.stopped_for_sure:
+        if image.state in _MAY_MOVE and not core.stop_confirmed:
             return False
         if image.position is None:
             if image.velocity is not None:
                 return not image.velocity
-            return core.stopped_for_sure or not core.parameters.has(objects.POSITION_ACTUAL)
+            return core.stop_confirmed or not core.parameters.has(objects.POSITION_ACTUAL)
         seen_since = (
-            core.stopped_for_sure or image.position_stamp >= self._since
+            core.stop_confirmed or image.position_stamp >= self._since
         )  # an earlier position proves nothing
         return image.standstill and seen_since
 
@@ -101,13 +101,13 @@ class ShutdownStop:
     """The requested shutdown; holds its axes, and the errors of these axes from an earlier request."""
 
     def __init__(self) -> None:
-        self._axes: list[AxisLeaving] = []
-        self._told: list[AxisbusError] = []
+        self._axes: list[AxisShutdown] = []
+        self._earlier_errors: list[AxisbusError] = []
 
     def begin(self, cores: Mapping[str, AxisCore], command: Shutdown, now: float) -> None:
         """Start the stop sequence on every axis that this master has commanded; a repeated request makes the stop harder."""
-        self._told += [axis.told for axis in self._axes if axis.told is not None]
-        self._axes = [AxisLeaving(core, command, now) for core in cores.values()]
+        self._earlier_errors += [axis.error_so_far for axis in self._axes if axis.error_so_far is not None]
+        self._axes = [AxisShutdown(core, command, now) for core in cores.values()]
 
     def step(self, now: float) -> None:
         """Check the axes; called once per cycle, after the axes."""
@@ -121,8 +121,11 @@ class ShutdownStop:
 
     def failures(self) -> list[AxisbusError]:
         """Return why axes could not be stopped as requested, for the end of the monitoring; empty if all were stopped."""
-        last = [axis.verdict for axis in self._axes]
-        return [*self._told, *(error for error in last if error is not None and error not in self._told)]
+        last = [axis.final_error for axis in self._axes]
+        return [
+            *self._earlier_errors,
+            *(error for error in last if error is not None and error not in self._earlier_errors),
+        ]
 
 
 # -- Halt every axis that this master has commanded, after its program was interrupted; the axes stay enabled ----------

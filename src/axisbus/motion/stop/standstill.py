@@ -10,9 +10,10 @@ beginning of a command, or of a step of the stop sequence):
 2. Nothing pulls or pushes: the controller's commanded position (6062h, and in csp the target that was sent) is within
    ``standstill_window`` of the actual position. An axis that is held by something else has a spring behind it, and leaps when it is
    released. In the torque modes the torque itself (6077h) must have gone.
-   A 6062h that is not trusted (``DemandTrust``) shows nothing: then the position alone decides, and ``witness`` reports this.
+   A 6062h that is not trusted (``DemandTrust``) shows nothing: then the position alone decides, and ``weaker_evidence`` reports
+   this.
 3. If there is no position: a velocity of 0 for the same time, else bit 10 in a word received well after the moment. This is
-   weaker evidence, and ``witness`` reports it.
+   weaker evidence, and ``weaker_evidence`` reports it.
 
 The stop sequence, halt, stop, enable, moves, homing and ``set_position`` use the same definition.
 """
@@ -37,7 +38,15 @@ _PUSH = 50  # ‰ of rated torque: less is noise, or does not overcome friction
 class StandstillCheck:
     """One check for standstill from ``since`` on, to be stepped in each cycle; holds the compared times and the last evidence."""
 
-    __slots__ = ("_by", "_first", "_homing", "_parameters", "_pull_window", "_since", "_still_speed")
+    __slots__ = (
+        "_first",
+        "_homing",
+        "_parameters",
+        "_pull_window",
+        "_since",
+        "_still_speed",
+        "_weaker_evidence",
+    )
 
     def __init__(self, parameters: AxisParameters, since: float, *, homing: bool = False) -> None:
         """``since``: values received at or before this moment do not count (seconds of the scan's clock).
@@ -54,33 +63,35 @@ class StandstillCheck:
         self._since = since
         self._first = math.inf  # when the first position after that arrived
         self._still_speed: SettledValue | None = None  # only if there is no position
-        self._by = ""
+        self._weaker_evidence = ""
 
     @property
-    def witness(self) -> str:
+    def weaker_evidence(self) -> str:
         """The weaker evidence by which the axis was seen at standstill; empty if the position proved it."""
-        return self._by
+        return self._weaker_evidence
 
     def seen(self, image: AxisImage) -> bool:
         """Evaluate this cycle's values; return whether the axis is at standstill."""
         if image.position is not None:
-            self._by = ""
+            self._weaker_evidence = ""
             if self._first == math.inf and image.position_stamp > self._since:
                 self._first = image.position_stamp
             still = image.still
-            stands = (
+            at_standstill = (
                 still.still
                 and still.since(self._first)
                 and self._knows_demand(image)
                 and not self.pulls(image)
             )
-            if stands:
-                self._by = self._by_position_alone(image)
-            return stands
+            if at_standstill:
+                self._weaker_evidence = self._by_position_alone(image)
+            return at_standstill
         if image.velocity is not None:
-            self._by = "its velocity (606Ch) is 0; its position is not known"
+            self._weaker_evidence = "its velocity (606Ch) is 0; its position is not known"
             return self._rests(image)
-        self._by = "its drive reports it (statusword bit 10); neither position nor velocity is known"
+        self._weaker_evidence = (
+            "its drive reports it (statusword bit 10); neither position nor velocity is known"
+        )
         return self._says_so(image)
 
     def _by_position_alone(self, image: AxisImage) -> str:
@@ -120,7 +131,7 @@ class StandstillCheck:
         A polled value may date from the motion. If 6062h arrives as often as the position, it must be constant too: feedback may be
         late, and a motion may have just begun.
         """
-        if not image.demand_repeats or not image.led.counts(image.demand, image.mode):
+        if not image.demand_repeats or not image.reference_tracker.counts(image.demand, image.mode):
             return True
         if image.state not in ENERGISED:
             return True  # nothing pulls without power
@@ -130,7 +141,7 @@ class StandstillCheck:
             return image.demand_stamp >= max(image.still.rested_since, self._first)
         return image.still_demand.since(self._first)
 
-    def is_held(self, image: AxisImage) -> bool:
+    def is_blocked(self, image: AxisImage) -> bool:
         """Whether the axis is at standstill only because something holds it."""
         return image.still.since(self._first) and self.pulls(image)
 
@@ -184,18 +195,18 @@ def _speed_text(image: AxisImage, parameters: AxisParameters) -> str:
 # -- Commands that wait until the axis is seen at standstill, without commanding any motion ----------------------------
 
 
-class RestWait:
+class StandstillWait:
     """One command that takes effect at standstill; holds its standstill check and its deadline.
 
     Both begin with the first step, so that a path along which the axis is still braking comes before.
     """
 
-    __slots__ = ("_deadline", "_parameters", "_standing", "then", "ticket")
+    __slots__ = ("_deadline", "_parameters", "_standstill_check", "then", "ticket")
 
     def __init__(self, parameters: AxisParameters, ticket: CommandStatus, then: Callable[[], None]) -> None:
         """``then`` is called once the axis is at standstill."""
         self._parameters = parameters
-        self._standing: StandstillCheck | None = None
+        self._standstill_check: StandstillCheck | None = None
         self._deadline = 0.0
         self.ticket = ticket
         self.then = then
@@ -206,15 +217,15 @@ class RestWait:
         Raises:
             StateError: the axis continues to move.
         """
-        if self._standing is None:
-            self._standing = StandstillCheck(self._parameters, image.now)
+        if self._standstill_check is None:
+            self._standstill_check = StandstillCheck(self._parameters, image.now)
             self._deadline = image.now + self._parameters.timing.transition
-        if self._standing.seen(image):
+        if self._standstill_check.seen(image):
             return True
         if image.now > self._deadline:
             raise StateError(
                 f"{self.ticket.name}: the axis is not at standstill",
-                observed=self._standing.why_not(image),
+                observed=self._standstill_check.why_not(image),
                 remedy="wait until it is at standstill; an axis that is turned by hand or by its load counts as moving, too",
             )
         return False
@@ -227,11 +238,11 @@ class StandstillWaiters:
 
     def __init__(self, parameters: AxisParameters) -> None:
         self._parameters = parameters
-        self.waiting: list[RestWait] = []
+        self.waiting: list[StandstillWait] = []
 
     def add(self, ticket: CommandStatus, then: Callable[[], None]) -> None:
         """Call ``then`` once the axis is at standstill; the ticket ends after that."""
-        self.waiting.append(RestWait(self._parameters, ticket, then))
+        self.waiting.append(StandstillWait(self._parameters, ticket, then))
         ticket.begin()
 
     def step(self, image: AxisImage, finish: Callable[[CommandStatus, AxisbusError | None], None]) -> None:

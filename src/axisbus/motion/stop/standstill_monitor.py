@@ -20,19 +20,19 @@ _MEMORY = 0.5  # seconds
 
 
 class StandstillMonitor:
-    """Monitors an axis that is enabled and at rest; holds the position at which its rest began in ``place`` (None: it has not)."""
+    """Monitors an enabled axis at rest; holds the position at which its rest began in ``rest_position`` (None: it has not)."""
 
     __slots__ = (
         "_allowed",
+        "_distance",
         "_misses",
         "_parameters",
         "_per_velocity",
-        "_pulls",
+        "_pulled_at",
         "_since",
         "_stamp",
-        "_way",
         "_why",
-        "place",
+        "rest_position",
     )
 
     def __init__(
@@ -42,20 +42,20 @@ class StandstillMonitor:
         self._parameters = parameters
         self._why = why
         self._allowed = parameters.lag_allowed(0.0, by_position=False) if allowed is None else allowed
-        self.place: int | None = None
+        self.rest_position: int | None = None
         self._stamp = 0.0
         self._since = 0.0  # the time of the first position of this rest
-        self._pulls = 0.0  # the time of the last value that showed a pull
+        self._pulled_at = 0.0  # the time of the last value that showed a pull
         self._misses = 0
         units = parameters.units
         self._per_velocity = units.position.factor / units.velocity.factor if units.ratio_known else None
-        self._way = 0.0  # distance by velocity
+        self._distance = 0.0  # distance by velocity
 
     def forget(self) -> None:
         """End the monitoring of this rest: a command moves the axis, or its power is off. The next rest starts again."""
-        self.place = None
+        self.rest_position = None
         self._misses = 0
-        self._way = 0.0
+        self._distance = 0.0
 
     def error(self, image: AxisImage) -> UncommandedMotion | None:
         """Return the error if the axis moves without a command, or is being pulled; None while it rests."""
@@ -65,26 +65,28 @@ class StandstillMonitor:
         if image.position_stamp == self._stamp:
             return None
         self._stamp = image.position_stamp
-        if self.place is None:
-            self.place, self._since = position, self._stamp
+        if self.rest_position is None:
+            self.rest_position, self._since = position, self._stamp
         allowed = self._allowed
-        moved = abs(position - self.place) > allowed
+        moved = abs(position - self.rest_position) > allowed
         pull, stamp = self._pull(image)
         if not moved and abs(pull) <= allowed:
             self._misses = 0
             return None
-        if not moved and stamp == self._pulls:
+        if not moved and stamp == self._pulled_at:
             return None  # the same demand as before
-        self._pulls = stamp
+        self._pulled_at = stamp
         self._misses += 1
         if self._misses < _TWICE:
             return None
-        return self._moves(image, position, self.place) if moved else self._pulled(image, position, pull)
+        return (
+            self._moves(image, position, self.rest_position) if moved else self._pulled(image, position, pull)
+        )
 
     def _pull(self, image: AxisImage) -> tuple[float, float]:
         """Return how far the axis is pulled, and the time of the sample; 0 if the sample is older than this rest."""
         pull = image.pull or 0.0
-        if image.led.target is not None and image.state is not PowerState.QUICK_STOP_ACTIVE:
+        if image.reference_tracker.target is not None and image.state is not PowerState.QUICK_STOP_ACTIVE:
             return pull, self._stamp
         return (pull if image.lead_stamp >= self._since else 0.0), image.lead_stamp
 
@@ -96,9 +98,11 @@ class StandstillMonitor:
         self._stamp = image.velocity_stamp
         speed = image.velocity * self._per_velocity
         # Motion longer than _MEMORY ago does not count, nor does a gap during which the velocity is unknown.
-        self._way = self._way + speed * gap - self._way * gap / _MEMORY if gap < _MEMORY else 0.0
-        goes_on = math.copysign(speed, speed * self._way) * _MEMORY > self._allowed
-        if abs(self._way) <= self._allowed or not goes_on:
+        self._distance = (
+            self._distance + speed * gap - self._distance * gap / _MEMORY if gap < _MEMORY else 0.0
+        )
+        continues = math.copysign(speed, speed * self._distance) * _MEMORY > self._allowed
+        if abs(self._distance) <= self._allowed or not continues:
             self._misses = 0
             return None
         self._misses += 1
@@ -106,13 +110,13 @@ class StandstillMonitor:
         return (
             None
             if self._misses < _TWICE
-            else self._restless(image, f"it moved by about {units.to_units(self._way):g} {units.unit}")
+            else self._restless(image, f"it moved by about {units.to_units(self._distance):g} {units.unit}")
         )
 
-    def _moves(self, image: AxisImage, position: int, place: int) -> UncommandedMotion:
+    def _moves(self, image: AxisImage, position: int, rest_position: int) -> UncommandedMotion:
         units = self._parameters.units.position
         went = (
-            f"it moved from {units.to_units(place - image.origin):g} to {units.to_units(position - image.origin):g} "
+            f"it moved from {units.to_units(rest_position - image.origin):g} to {units.to_units(position - image.origin):g} "
             f"{units.unit}"
         )
         return self._restless(image, went)

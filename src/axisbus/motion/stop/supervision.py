@@ -27,7 +27,7 @@ from axisbus.motion.moves.modewatch import ModeWatch
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.states import MOVING, AxisState
 from axisbus.motion.stop.diagnosis import (
-    ANEW,
+    REOPEN,
     SILENT,
     boot_and_reset,
     join_remedies,
@@ -60,7 +60,7 @@ class StopDemand(NamedTuple):
     """
 
     error: AxisbusError
-    rung: StopLevel = StopLevel.HALT
+    level: StopLevel = StopLevel.HALT
     along: bool = True
     halts: bool = False
 
@@ -86,7 +86,7 @@ class Supervision:
         self._excused_until = -math.inf
         self._energised_since = math.inf  # although the axis is disabled, repeatedly until ``_energised_at``
         self._energised_at = -math.inf
-        self._duplicate_told = False
+        self._duplicate_reported = False
         self.lost = False
 
     def node(self, image: AxisImage) -> StopDemand | None:
@@ -99,8 +99,8 @@ class Supervision:
         elif self._met_operational and not self.lost and not self._excused(image):
             self.lost = True
             return StopDemand(self._lost_error(image), StopLevel.QUICK_STOP)
-        if image.duplicate and not self._duplicate_told:
-            self._duplicate_told = True
+        if image.duplicate and not self._duplicate_reported:
+            self._duplicate_reported = True
             return StopDemand(
                 duplicate_error(self._parameters.name, self._parameters.node, image.duplicate),
                 StopLevel.QUICK_STOP,
@@ -128,8 +128,8 @@ class Supervision:
         if state not in POWERED:
             return None
         if image.gap > self.longest_gap:
-            return self._gap(image, None if activity is None else activity.course)
-        if image.state is not _ENABLED and not self._is_held(image, state):
+            return self._gap(image, None if activity is None else activity.commanded)
+        if image.state is not _ENABLED and not self._holds_in_quick_stop(image, state):
             return self._unknown(image) if image.state is _UNKNOWN else self._dropped(image)
         return self.motion(image, state, activity, bounded)
 
@@ -138,9 +138,9 @@ class Supervision:
     ) -> StopDemand | None:
         """Return the finding of ``power`` for an axis that is enabled and has a fresh statusword. Call ``guard.look`` before."""
         moving = activity if state in MOVING else None
-        astray = self._mode.error(image, moving) or self.following.error(image, moving)
-        if astray is not None:  # not under control: a quick stop is more certain than a halt
-            return StopDemand(astray, StopLevel.QUICK_STOP)
+        uncontrolled = self._mode.error(image, moving) or self.following.error(image, moving)
+        if uncontrolled is not None:  # not under control: a quick stop is more certain than a halt
+            return StopDemand(uncontrolled, StopLevel.QUICK_STOP)
         fast = self._speed.error(image, moving, self.guard.tracks[0])
         if fast is not None:
             coasts = self._parameters.braking.quick_stop is Ramp.COAST
@@ -149,26 +149,26 @@ class Supervision:
             unrest = self.unrest(image, None)
             if unrest is not None:
                 return unrest
-            course = lag = None
+            commanded = lag = None
         else:
-            if self._resting.place is not None:
+            if self._resting.rest_position is not None:
                 self._resting.forget()
-            course, lag = activity.course, activity.lag
-        danger = self.guard.danger(image, state, bounded=bounded, course=course, lag=lag)
+            commanded, lag = activity.commanded, activity.lag
+        danger = self.guard.danger(image, state, bounded=bounded, commanded=commanded, lag=lag)
         if danger is None:
             return None
         if activity is not None:
             self.guard.note_torque(activity.torque, image.torque)
-        finding = self._endangered(danger, course)
-        stays_inside = activity is not None and activity.stops_at_limit and danger is self.guard.leaving
-        return finding._replace(halts=True) if stays_inside and finding.rung is StopLevel.HALT else finding
+        finding = self._endangered(danger, commanded)
+        stays_inside = activity is not None and activity.stops_at_limit and danger is self.guard.leaving_error
+        return finding._replace(halts=True) if stays_inside and finding.level is StopLevel.HALT else finding
 
     def only_follows(self, activity: Activity) -> bool:
         """Whether ``motion`` only has to check the following error (``following``) for ``activity``.
 
         This remains true while ``activity`` commands the axis along its path in a mode that the drive reports.
         """
-        otherwise = self._resting.place is not None or self.guard.is_free
+        otherwise = self._resting.rest_position is not None or self.guard.is_free
         return not otherwise and self._mode.has_agreed(activity) and self.following.is_used_to(activity)
 
     def forget(self) -> None:
@@ -191,14 +191,14 @@ class Supervision:
         error = self._resting.error(image)
         return None if error is None else StopDemand(error, StopLevel.QUICK_STOP)
 
-    def coasting(self, image: AxisImage, rung: StopLevel, *, bounded: bool) -> StopDemand | None:
-        """Return the danger to an axis that a halt under torque lets coast, if a harder step than ``rung`` would brake it."""
-        course = CommandedMotion(by_torque=True)
-        harder = stop_of(self._parameters, course)[0] > rung
+    def coasting(self, image: AxisImage, level: StopLevel, *, bounded: bool) -> StopDemand | None:
+        """Return the danger to an axis that a halt under torque lets coast, if a harder step than ``level`` would brake it."""
+        commanded = CommandedMotion(by_torque=True)
+        harder = stop_of(self._parameters, commanded)[0] > level
         if not harder or image.mode not in TORQUE_MODES or image.state is not _ENABLED:
             return None
-        danger = self.guard.danger(image, AxisState.CONTINUOUS_MOTION, bounded=bounded, course=course)
-        return None if danger is None else self._endangered(danger, course)
+        danger = self.guard.danger(image, AxisState.CONTINUOUS_MOTION, bounded=bounded, commanded=commanded)
+        return None if danger is None else self._endangered(danger, commanded)
 
     def energised(self, image: AxisImage, *, at_work: bool) -> DriveError | None:
         """Return that the drive of a disabled axis has driven its motor for a while; ``at_work``: this master commands it."""
@@ -219,18 +219,18 @@ class Supervision:
         )
 
     @staticmethod
-    def _is_held(image: AxisImage, state: AxisState) -> bool:
+    def _holds_in_quick_stop(image: AxisImage, state: AxisState) -> bool:
         """Whether the drive holds the axis after a quick stop, as requested."""
         return image.state is PowerState.QUICK_STOP_ACTIVE and state is _STOPPING
 
-    def _gap(self, image: AxisImage, course: CommandedMotion | None) -> StopDemand:
+    def _gap(self, image: AxisImage, commanded: CommandedMotion | None) -> StopDemand:
         """Return the stop of an axis after the master was suspended: its values look fresh, but the drive has continued meanwhile.
 
         A drive with set-points streamed by the master may have continued, or stopped automatically. Only its own quick stop is a
         ramp in both cases.
         """
         name = self._parameters.name
-        led = course is not None and course.by_core
+        by_master = commanded is not None and commanded.by_core
         return StopDemand(
             StaleError(
                 f"{name}: this program did not run for {image.gap:.3g} s",
@@ -239,7 +239,7 @@ class Supervision:
                 f"{self.longest_gap:.3g} s the state of the drive is not certain",
                 remedy=f"{REMEDY}; the axis was stopped",
             ),
-            StopLevel.QUICK_STOP if led else StopLevel.HALT,
+            StopLevel.QUICK_STOP if by_master else StopLevel.HALT,
             along=False,
         )
 
@@ -259,8 +259,8 @@ class Supervision:
             StopLevel.QUICK_STOP,
         )
 
-    def _endangered(self, danger: AxisbusError, course: CommandedMotion | None) -> StopDemand:
-        return StopDemand(danger, stop_of(self._parameters, course or CommandedMotion())[0])
+    def _endangered(self, danger: AxisbusError, commanded: CommandedMotion | None) -> StopDemand:
+        return StopDemand(danger, stop_of(self._parameters, commanded or CommandedMotion())[0])
 
     def _lost_error(self, image: AxisImage) -> BusError:
         name, node = self._parameters.name, self._parameters.node
@@ -312,7 +312,7 @@ def duplicate_error(name: str, node: int, seen: str) -> DuplicateNodeError:
         node=node,
         observed=seen,
         remedy="switch off the device that was added or changed last, give it another node-ID (axisbus lss), and make sure "
-        f"that no other device sends frames as node {node}; then {ANEW}",
+        f"that no other device sends frames as node {node}; then {REOPEN}",
     )
 
 

@@ -28,8 +28,8 @@ changes and shortly after. Later the gain has decayed, and a small velocity erro
 risen and fallen, both gains cancel, and what is left of them gives no lag. A motion that begins at speed gives no lag: its
 demand at that moment is unknown, and a demand that is ahead looks like an axis without a lag. If a new velocity is given while
 the drive is still on the ramp of the previous command, the demand is known. In this case the computation continues with that
-ramp (``go_on``). The accelerations of the new command are written before its velocity, and most drives use them at once for the
-velocity that they still have. So from the first write on (``expect``) each bound has the acceleration that moves it outwards.
+ramp (``continue_with``). The accelerations of the new command are written before its velocity, and most drives use them at once for
+the velocity that they still have. So from the first write on (``expect``) each bound has the acceleration that moves it outwards.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ _LONGEST = 60.0  # seconds of memory
 _SETTLED = (
     0.4  # seconds; less than the time for which a commanded speed excuses a lag (``following._SPEED_TIME``)
 )
-_ONE_WAY = 0.75  # share of the changes of velocity by which one direction must prevail
+_ONE_DIRECTION = 0.75  # share of the changes of velocity by which one direction must prevail
 _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until this is seen
 
 
@@ -57,27 +57,27 @@ class _Ramp:
 
     ``side``: 1 and -1 for the upper and the lower bound, which move outwards as fast and inwards as slowly as possible; 0 for the
     ramp of a drive that takes each velocity, and the higher of two accelerations, at once. ``gained``: the change of its velocity,
-    which decays as ``behind`` does; ``stirred``: the same without the signs of the changes. ``rate``: its last acceleration.
+    which decays as ``behind`` does; ``total_change``: the same without the signs of the changes. ``rate``: its last acceleration.
     """
 
-    __slots__ = ("behind", "gained", "rate", "side", "speed", "stirred")
+    __slots__ = ("behind", "gained", "rate", "side", "speed", "total_change")
 
     def __init__(self, speed: float, side: int) -> None:
         self.speed = speed
         self.side = side
-        self.behind = self.gained = self.stirred = self.rate = 0.0
+        self.behind = self.gained = self.total_change = self.rate = 0.0
 
-    def ramp(self, target: float, rates: _Rates, dt: float, made: float, kept: float) -> None:
-        """Advance by ``dt`` s, in which the axis has moved by ``made``; ``kept``: the share that remains after the decay."""
+    def ramp(self, target: float, rates: _Rates, dt: float, covered: float, remaining: float) -> None:
+        """Advance by ``dt`` s, in which the axis moved by ``covered``; ``remaining``: the share that remains after the decay."""
         before = self.speed
         slows = abs(target) < abs(before) or before * target < 0.0
         least, most = rates.down if slows else rates.up
         outwards = self.side == 0 or (target > before) == (self.side > 0)
         change = (most if outwards else least) * dt
         self.speed = max(before - change, target) if target < before else min(before + change, target)
-        self.behind = self.behind * kept + 0.5 * (before + self.speed) * dt - made
-        self.gained = self.gained * kept + self.speed - before
-        self.stirred = self.stirred * kept + abs(self.speed - before)
+        self.behind = self.behind * remaining + 0.5 * (before + self.speed) * dt - covered
+        self.gained = self.gained * remaining + self.speed - before
+        self.total_change = self.total_change * remaining + abs(self.speed - before)
         self.rate = (self.speed - before) / dt
 
 
@@ -99,7 +99,7 @@ class _Rates:
         )
 
 
-class RampedWay:
+class VelocityRampTracker:
     """Holds the present commanded velocity, and the axis's distance behind it (position increments, None: not known).
 
     ``lag``: the lag of the axis behind its commands in seconds, beyond ``delay``; None: not known.
@@ -110,8 +110,8 @@ class RampedWay:
         "_delay",
         "_due",
         "_from_rest",
-        "_heading",
         "_high",
+        "_last_velocity",
         "_low",
         "_on_ramp",
         "_per_velocity",
@@ -153,7 +153,7 @@ class RampedWay:
         self._changed = -math.inf
         self._settles_at = math.inf
         self._from_rest = False
-        self._heading = 0.0  # the last velocity other than 0
+        self._last_velocity = 0.0  # the last velocity other than 0
         self._on_ramp = on_ramp
         self._rates = _Rates.of(up, down)
         self._taken = 0.0  # the last velocity that is surely taken
@@ -180,7 +180,7 @@ class RampedWay:
         """Allow for a drive that already uses the accelerations of the next command; units as in the constructor."""
         self._rates = self._rates.widened(up, down)
 
-    def go_on(self, target: float, up: float, down: float) -> None:
+    def continue_with(self, target: float, up: float, down: float) -> None:
         """Continue with another command, from the commanded velocity that the drive has by now; units as in the constructor."""
         self._rates = _Rates.of(up, down)
         self.aim(target)
@@ -203,7 +203,7 @@ class RampedWay:
             self._send(image)
             return
         if self._sent != self._target:
-            if not self._low.speed and not self._high.speed and self.behind * self._heading < 0.0:
+            if not self._low.speed and not self._high.speed and self.behind * self._last_velocity < 0.0:
                 self._settled()
             self._send(image)
         if stamp > self._stamp:
@@ -225,17 +225,17 @@ class RampedWay:
         while self._due and self._due[0][0] <= self._stamp:
             self._taken = self._due.popleft()[1]
         possible = [self._taken, *(target for _, target in self._due)]
-        made, kept = position - self._position, 1.0 - min(1.0, dt / self._memory())
+        covered, remaining = position - self._position, 1.0 - min(1.0, dt / self._memory())
         before = self._prompt.speed
         for ramp, target in (
             (self._prompt, possible[-1]),
             (self._low, min(possible)),
             (self._high, max(possible)),
         ):
-            ramp.ramp(target, self._rates, dt, made, kept)
+            ramp.ramp(target, self._rates, dt, covered, remaining)
         if self._prompt.speed != before:
             self._changed = self._stamp
-        self._heading = self._prompt.speed or self._heading
+        self._last_velocity = self._prompt.speed or self._last_velocity
         self._settle(self._stamp + dt)
         if self._from_rest and self._stamp - self._changed <= _LAG_TIME:
             self._take_lag(self._prompt)
@@ -251,17 +251,17 @@ class RampedWay:
         """Assume that the axis is at its commanded position."""
         self._settles_at = math.inf
         for ramp in (self._prompt, self._low, self._high):
-            ramp.behind = ramp.gained = ramp.stirred = 0.0
+            ramp.behind = ramp.gained = ramp.total_change = 0.0
 
     def _take_lag(self, ramp: _Ramp) -> None:
         if abs(ramp.gained) * _LAG_TIME <= NOISE:
             return  # too slow: an allowed lag would be within the noise
-        if abs(ramp.gained) < _ONE_WAY * ramp.stirred:
+        if abs(ramp.gained) < _ONE_DIRECTION * ramp.total_change:
             return
-        way = max(0.0, math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE)
-        lag = way / abs(ramp.gained)
+        distance = max(0.0, math.copysign(ramp.behind, ramp.behind * ramp.gained) - NOISE)
+        lag = distance / abs(ramp.gained)
         if ramp.rate * ramp.gained > 0.0:
-            lag = way / max(0.5 * abs(ramp.gained), abs(ramp.gained) - abs(ramp.rate) * lag)
+            lag = distance / max(0.5 * abs(ramp.gained), abs(ramp.gained) - abs(ramp.rate) * lag)
         self.lag = min(max(0.0, lag - self._delay), _LAG_TIME)
 
     def _memory(self) -> float:
@@ -270,9 +270,9 @@ class RampedWay:
         return min(_LONGEST, 2.0 * (self._window / fastest + _LAG_TIME)) if fastest else _LONGEST
 
 
-def ramped_way(
-    profile: MoveProfile, parameters: AxisParameters, before: RampedWay | None = None
-) -> RampedWay | None:
+def drive_ramp_tracker(
+    profile: MoveProfile, parameters: AxisParameters, before: VelocityRampTracker | None = None
+) -> VelocityRampTracker | None:
     """Return the monitor of a velocity move; None if the drive's ramps, or the ratio of its units, are not known.
 
     ``before``: the monitor of the previous velocity, if the drive is on its ramp; it continues if it began at rest.
@@ -281,9 +281,9 @@ def ramped_way(
     if not profile.up or not profile.down or not parameters.has(objects.PROFILE_ACCELERATION):
         return None
     if before is not None and before.began_at_rest:
-        before.go_on(profile.velocity, profile.up, profile.down)
+        before.continue_with(profile.velocity, profile.up, profile.down)
         return before
-    return RampedWay(
+    return VelocityRampTracker(
         profile.velocity,
         units.per_velocity,
         profile.up,
@@ -294,12 +294,12 @@ def ramped_way(
     )
 
 
-def led_way(parameters: AxisParameters) -> RampedWay | None:
+def master_ramp_tracker(parameters: AxisParameters) -> VelocityRampTracker | None:
     """Return the monitor of velocities generated by the master, each given with ``aim``; None if the unit ratio is not known."""
     units = parameters.units
     if not units.ratio_known:
         return None
     at_once = math.inf
-    return RampedWay(
+    return VelocityRampTracker(
         0.0, units.per_velocity, at_once, at_once, parameters.pull_window, _TAKEN * parameters.scan_period
     )

@@ -200,7 +200,7 @@ class Beam:
         excused = self._troubled_by(_UNSEEN, _CALM)
         cores = [cell.core(name) for name in AXES]
         # One that is being stopped because the other has failed is left to that.
-        stopped = all(core.state in _STOPPED_STATES or core.ladder is not None for core in cores)
+        stopped = all(core.state in _STOPPED_STATES or core.stop_sequence is not None for core in cores)
         if skew is None or abs(skew) <= bound or not driven or excused or stopped:
             self._bent_since = None
             return

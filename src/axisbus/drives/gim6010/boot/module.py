@@ -6,7 +6,7 @@ import math
 
 from axisbus.boot.failure import at_step
 from axisbus.boot.report import AxisReport, Booted, NodeReport
-from axisbus.boot.stop_report import StopLadderReport, Watchdog, WatchdogReport
+from axisbus.boot.stop_report import StopSequenceReport, Watchdog, WatchdogReport
 from axisbus.bus.link.channel import Channel
 from axisbus.cell import scale_proposal
 from axisbus.cell.model import AxisConfig, CellConfig
@@ -314,7 +314,9 @@ def _axis(seconds: float | None, *, works: bool) -> str:
     return f"the axis's watchdog is armed with {seconds:g} s ({how})"
 
 
-def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad) -> StopLadderReport:
+def ladder(
+    axis: str, settings: ModuleSettings, times: StopTimes, holds_load: HoldsLoad
+) -> StopSequenceReport:
     """Return the stop sequence of an axis with the effect of each step; ``times`` are the deadlines of the steps."""
     holds = settings.quick_stop_holds
     values = {
@@ -335,4 +337,4 @@ def ladder(axis: str, settings: ModuleSettings, times: StopTimes, holds_load: Ho
         steps.append(
             ("holds a load", "", f"by its {holds_load.value}: never switched off before it is at standstill")
         )
-    return StopLadderReport(axis, tuple(steps), (f"{axis}: power off, and any fault: {_COASTS}",))
+    return StopSequenceReport(axis, tuple(steps), (f"{axis}: power off, and any fault: {_COASTS}",))
