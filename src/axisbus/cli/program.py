@@ -14,7 +14,7 @@ from axisbus.cli.shared.attach_or_open import take_option
 from axisbus.cli.shared.attached_nodes import joined, open_nodes
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_error, say_json, say_next, say_note
 from axisbus.cli.shared.completion import complete_node
-from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
+from axisbus.cli.shared.nodes import NodeOptions, NodeSession, node_options
 from axisbus.cli.shared.options import PATH, NumberType, Seconds, packed, together
 from axisbus.configuration import guarded_write
 from axisbus.configuration.program_image import ProgramImage, read_image
@@ -138,9 +138,8 @@ def verify_command(file: Path, node: str, asked: NodeOptions, form: _Form, as_js
 
     Reads only, also while the machine runs. Exit code 1 when the program is another one, or when this cannot be decided.
     """
-    require_bus(asked)
+    files = asked.files()
     image = read_image(file, **form._asdict())
-    files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     with ExitStack() as stack:
         objects = open_nodes(stack, asked, files, [node_id]).node(node_id).sdo
@@ -210,9 +209,8 @@ def write_command(
     axisbus program write firmware.hex x --cell cell.toml --fill 0xFF
     axisbus program write firmware.bin 5 -i socketcan -c can0 --raw
     """
-    require_bus(asked)
+    files = asked.files()
     image = read_image(file, **form._asdict())
-    files = NodeFiles.of(asked.cell, asked.eds)
     node_id = files.address(node).node_id
     order = program_facts.ProgramOrder(image.data, identification, deadline)
     with ExitStack() as stack:

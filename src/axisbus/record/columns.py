@@ -135,6 +135,17 @@ def track_of(name: str, form: AxisForm, times: list[float], rows: Iterable[Seque
     )
 
 
+def tracks_of(
+    forms: Mapping[str, AxisForm], times: list[float], cycles: Iterable[tuple[float, Sequence[AxisSample]]]
+) -> dict[str, RecordedSeries]:
+    """Return the series of each axis; each cycle has the samples of all axes, in the order of ``forms``."""
+    rows = [samples for _, samples in cycles]
+    return {
+        name: track_of(name, form, times, [form.values(samples[number]) for samples in rows])
+        for number, (name, form) in enumerate(forms.items())
+    }
+
+
 @cache
 def digits(increments: float) -> int:
     """Return the number of decimals that resolve one increment, given the number of increments per unit."""

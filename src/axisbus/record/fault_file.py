@@ -10,7 +10,7 @@ from pathlib import Path
 import msgspec
 
 from axisbus.errors import UserError
-from axisbus.record.columns import AxisForm, track_of
+from axisbus.record.columns import AxisForm, tracks_of
 from axisbus.record.recording_data import Recorded, RecordedEvent
 from axisbus.record.sample_packing import RowForm
 
@@ -72,10 +72,7 @@ def _recorded(head: _Head, rows: bytes) -> Recorded:
     form = RowForm(len(forms))
     found = list(form.rows(rows[: len(rows) // form.struct.size * form.struct.size]))
     times = [now - begin for now, _ in found]
-    tracks = {
-        name: track_of(name, axis, times, [axis.values(samples[number]) for _, samples in found])
-        for number, (name, axis) in enumerate(forms.items())
-    }
+
     events = [RecordedEvent(time - begin, sort, where, text) for time, sort, where, text in head.events]
     began = datetime.fromtimestamp(int(facts["began_ns"]) / 1e9, UTC)
-    return Recorded(tracks, {}, sorted(events), began, facts)
+    return Recorded(tracks_of(forms, times, found), {}, sorted(events), began, facts)

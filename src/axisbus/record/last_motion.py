@@ -19,7 +19,7 @@ from axisbus.errors import ArgumentError, AxisbusError, StateError, one_line
 from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING
-from axisbus.record.columns import AxisForm, track_of
+from axisbus.record.columns import AxisForm, tracks_of
 from axisbus.record.events import RecordingEventSource, Telling
 from axisbus.record.plot import plot, png
 from axisbus.record.recording_data import Recorded, RecordedEvent
@@ -85,7 +85,7 @@ class LastMinute:
             )
         chosen = span.axes if axes is None else self._chosen(axes, forms)
         shown = [(now, samples) for now, samples in cycles if span.begin <= now <= span.end]
-        recorded = self._recorded(forms, names, shown, chosen)
+        recorded = self._recorded(forms, shown, chosen)
         title = _title(recorded) if seconds is None else f"the last {recorded.seconds:.1f} s"
         return RecordingPlot(recorded, title)
 
@@ -105,21 +105,11 @@ class LastMinute:
         return wanted
 
     def _recorded(
-        self,
-        forms: Mapping[str, AxisForm],
-        names: list[str],
-        cycles: list[Cycle],
-        chosen: Collection[str],
+        self, forms: Mapping[str, AxisForm], cycles: list[Cycle], chosen: Collection[str]
     ) -> Recorded:
         began = cycles[0][0]
         times = [round(now - began, 6) for now, _ in cycles]
-        tracks = {
-            name: track_of(
-                name, forms[name], times, [forms[name].values(samples[at]) for _, samples in cycles]
-            )
-            for at, name in enumerate(names)
-            if name in chosen
-        }
+        tracks = {name: track for name, track in tracks_of(forms, times, cycles).items() if name in chosen}
         events = [event._replace(time=event.time - began) for event in self._happenings(began)]
         return Recorded(tracks, {}, [event for event in events if event.time <= times[-1]])
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Protocol
 
 from axisbus.motion.snapshot import Snapshot
-from axisbus.record.columns import NAMES, AxisForm, track_of
+from axisbus.record.columns import NAMES, AxisForm, tracks_of
 from axisbus.record.export import write_csv
 from axisbus.record.recording_data import Recorded
 from axisbus.record.sample_packing import PackedRows
@@ -82,11 +82,7 @@ class Recorder:
         """Return the cycles recorded so far, in the form of a recording read from a file."""
         cycles = list(self._cycles)
         times = [round(now - cycles[0][0], 6) for now, _ in cycles]
-        tracks = {
-            name: track_of(name, form, times, [form.values(samples[number]) for _, samples in cycles])
-            for number, (name, form) in enumerate(self._forms.items())
-        }
-        return Recorded(tracks)
+        return Recorded(tracks_of(self._forms, times, cycles))
 
     def write_csv(self, path: Path | str) -> Path:
         """Write all rows to ``path`` and return it; the header has units, an empty field is an unknown value. Makes the folder.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Protocol
+from typing import Any
 
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia401.port import SignalValidity
@@ -23,6 +23,20 @@ from axisbus.session import MachineSession
 
 _IO = re.compile(r"(?P<bar>\|?)\s*(?P<name>[^\s.|<>=!]+)\s*\|?\s*(?P<sign>[<>]=?|!=|==?)\s*(?P<value>.+)")
 _PROBE = re.compile(r"(?P<axis>[^\s.|]+)\.probe")
+
+
+class RecordingTrigger:
+    """Evaluate each cycle, and report the time of the trigger. A condition that is true from the beginning does not fire."""
+
+    def begin(self) -> None:
+        """Start observing."""
+
+    def end(self) -> None:
+        """Stop observing; harmless when repeated."""
+
+    def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
+        """Return the time of the trigger (s, monotonic), at the latest that of the cycle at ``now``; None: not yet."""
+        raise NotImplementedError
 
 
 def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisForm]) -> RecordingTrigger:
@@ -90,7 +104,7 @@ EXAMPLES = (
 )
 
 
-class Trigger:
+class Trigger(RecordingTrigger):
     """Evaluate each cycle; holds whether the condition was true in the previous one."""
 
     def __init__(self, when: str | Condition, forms: Mapping[str, AxisForm]) -> None:
@@ -104,12 +118,6 @@ class Trigger:
             _fault if when == _FAULT else when if callable(when) else condition(when, forms, _KINDS, EXAMPLES)
         )
         self._before = True
-
-    def begin(self) -> None:
-        """As ``RecordingTrigger.begin``."""
-
-    def end(self) -> None:
-        """As ``RecordingTrigger.end``."""
 
     def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
         """As ``RecordingTrigger.seen``: the cycle in which the condition became true; raises the errors of a user's function."""
@@ -126,22 +134,6 @@ def _fault(values: Values) -> bool:
     return any(axis["state"] == AxisState.ERRORSTOP.value for axis in values.values())
 
 
-# -- The interface of all triggers of a capture ------------------------------------------------------------------------
-
-
-class RecordingTrigger(Protocol):
-    """Evaluate each cycle, and report the time of the trigger. A condition that is true from the beginning does not fire."""
-
-    def begin(self) -> None:
-        """Start observing."""
-
-    def end(self) -> None:
-        """Stop observing; harmless when repeated."""
-
-    def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
-        """Return the time of the trigger (s, monotonic), at the latest that of the cycle at ``now``; None: not yet."""
-
-
 # -- Trigger a capture on an edge of a named input or output, or when its value crosses a limit ------------------------
 #
 # Theory of operation
@@ -154,7 +146,7 @@ class RecordingTrigger(Protocol):
 _MOST = 16  # the most triggers waiting for their cycle: the first one counts
 
 
-class IoMoment:
+class IoMoment(RecordingTrigger):
     """Hold whether the condition was last true (None: unknown), and the trigger times from frames."""
 
     def __init__(
@@ -232,18 +224,12 @@ class IoMoment:
 # -- Trigger a capture on an edge latched by a touch probe -------------------------------------------------------------
 
 
-class ProbeMoment:
+class ProbeMoment(RecordingTrigger):
     """Hold the number of edges that the axis had latched in the previous cycle; counts edges reported to any program."""
 
     def __init__(self, axis: str) -> None:
         self._axis = axis
         self._before: int | None = None
-
-    def begin(self) -> None:
-        """As ``RecordingTrigger.begin``."""
-
-    def end(self) -> None:
-        """As ``RecordingTrigger.end``."""
 
     def seen(self, now: float, snapshots: Mapping[str, Snapshot]) -> float | None:
         """As ``RecordingTrigger.seen``: the cycle that saw the edge, as ``ProbeResult.time``; the edge itself was earlier."""

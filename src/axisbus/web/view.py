@@ -23,7 +23,7 @@ from axisbus.machine.signal_shutdown import ShutdownRequest
 from axisbus.motion.modes import FOLLOWED
 from axisbus.motion.parameters import AxisParameters
 from axisbus.motion.snapshot import Snapshot
-from axisbus.wording import with_subject
+from axisbus.wording import age_text, with_subject
 
 Values = dict[str, object]
 _OLD = 1.0  # seconds; an older process image does not count as present
@@ -54,8 +54,10 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
         "velocity": _number(axis, "velocity", known, decimals),
         "torque": _number(axis, "torque", known, 3),
         "target": "" if axis.target is None or not known else number(axis.target, decimals),
-        "position_age": _age(now - snapshot.position_stamp) if snapshot.position is not None else "",
-        "image_age": _age(image_age),
+        "position_age": age_text(max(0.0, now - snapshot.position_stamp))
+        if snapshot.position is not None
+        else "",
+        "image_age": age_text(max(0.0, image_age)),
         "bars": marks(parameters, snapshot, lambda name: _value(axis, name, known)),
         "error": None if error is None else explained(error),
     }
@@ -85,11 +87,6 @@ def _value(axis: Axis, name: str, known: bool) -> float | None:
         return float(getattr(axis, name)) if known else None
     except StaleError:
         return None
-
-
-def _age(seconds: float) -> str:
-    seconds = max(0.0, seconds)
-    return f"{seconds * 1000:.0f} ms" if seconds < 1.0 else f"{seconds:.1f} s"
 
 
 # ----------------------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ from typing import Any
 from axisbus.fleet.cell import FleetCell
 from axisbus.fleet.cell_state import LastAxisState
 from axisbus.fleet.messages import Event, RecordingInfo
-from axisbus.wording import counted, with_subject
+from axisbus.wording import age_text, counted, with_subject
 
 _INCIDENTS = 3  # the most incidents shown for a cell, newest first
 _CLOCKS = 0.5  # seconds; a larger clock difference, including the transmission time, is reported
@@ -79,15 +79,16 @@ def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
 
 
 def _axis_texts(unit: str, seen: LastAxisState | None) -> tuple[str, ...]:
+    age = "" if seen is None or seen.age is None else age_text(seen.age)
     if seen is None or not seen.fresh:
-        return UNKNOWN, UNKNOWN, UNKNOWN, _age(None if seen is None else seen.age), ""
+        return UNKNOWN, UNKNOWN, UNKNOWN, age, ""
     state = seen.state
     beside = ", ".join(text for text in (state.drive, state.mode, state.error) if text)
     return (
         state.state,
         _number(state.position, unit),
         _number(state.velocity, f"{unit}/s"),
-        _age(seen.age),
+        age,
         beside,
     )
 
@@ -139,12 +140,6 @@ def _at(clock: float) -> str:
         return time.strftime("%H:%M:%S", time.localtime(clock))
     except (OverflowError, ValueError, OSError):
         return "--:--:--"
-
-
-def _age(age: float | None) -> str:
-    if age is None:
-        return ""
-    return f"{age * 1000:.0f} ms" if age < 1 else f"{age:.1f} s"
 
 
 def _number(value: float | None, unit: str) -> str:

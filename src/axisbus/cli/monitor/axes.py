@@ -21,7 +21,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.io import Signal
 from axisbus.machine.machine import Machine
 from axisbus.machine.node_access import NodeAccess
-from axisbus.wording import with_subject
+from axisbus.wording import age_text, with_subject
 
 _REPAINTED, _PRINTED = 0.2, 1.0  # default seconds between two updates
 _SHOWN = 3  # events of each node and sort in one update
@@ -145,7 +145,7 @@ def _row(axis: Axis) -> dict[str, str]:
     numbers = {
         "position": _number(seen["position"], axis.unit),
         "velocity": _number(seen["velocity"], axis.unit + "/s"),
-        "age": _age(seen["age"]),
+        "age": age_text(seen["age"]) if isinstance(seen["age"], float) else "",
     }
     texts = {key: str(value or "") for key, value in seen.items()} | numbers
     if seen["override"] != 1.0:
@@ -285,13 +285,6 @@ def describe(axis: Axis) -> dict[str, object]:
         "override": axis.total_override,
         "error": None if snapshot.error is None else with_page(snapshot.error),
     }
-
-
-def _age(value: object) -> str:
-    """Return the age of a position, which is less than a cycle or two if it comes with SYNC."""
-    if not isinstance(value, float):
-        return ""
-    return f"{value * 1000:.0f} ms" if value < 1 else f"{value:.1f} s"
 
 
 def _number(value: object, unit: str) -> str:

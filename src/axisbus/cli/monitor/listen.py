@@ -86,14 +86,10 @@ def _of_node(node: NodeHeard, now: float) -> list[str]:
     return [
         f"{who:<10} {heartbeat}",
         *(
-            f"           {_before(newest.taken, now):>10}  {_direction(newest.one.from_node)}{frame_formats.what(newest.one)}"
+            f"           {_before(newest.taken, now):>10}  {'' if newest.one.from_node else '> '}{frame_formats.what(newest.one)}"
             for _, newest in sorted(node.newest.items())
         ),
     ]
-
-
-def _direction(from_node: bool) -> str:
-    return "" if from_node else "> "
 
 
 def _pace(beat: Beat, now: float) -> str:

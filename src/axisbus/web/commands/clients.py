@@ -27,6 +27,12 @@ from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
 from axisbus.web.view import in_page_terms
 
+_TOO_MANY = Refusal(
+    "this page sends too many messages", "halt and stop are still accepted; wait a moment for everything else"
+)
+_ONLY_LOOKS = Refusal(
+    "the server serves observer pages only: it cannot take control", "start axisbus web without --look"
+)
 _AGAIN = 2.0  # seconds after which the same message is sent again
 _UNDER_WAY = 64  # the most running commands of a page whose ends are reported
 
@@ -64,6 +70,10 @@ class PageClient:
             return
         self.last = (told.text, now)
         self.told.append(told)
+
+    def refuse(self, refused: Refusal, now: float) -> None:
+        """Queue the message that a request is refused."""
+        self.tell(PageMessage("refused", refused.text, refused.remedy), now)
 
 
 class PageClients:
@@ -108,16 +118,9 @@ class PageClients:
         if isinstance(ask, PageRequest) and (within or ask.verb in STOPS):
             self._asked(place, ask, now)
         elif isinstance(ask, Refusal) and within:
-            place.tell(PageMessage("refused", ask.text, ask.remedy), now)
+            place.refuse(ask, now)
         elif not within:
-            place.tell(
-                PageMessage(
-                    "refused",
-                    "this page sends too many messages",
-                    "halt and stop are still accepted; wait a moment for everything else",
-                ),
-                now,
-            )
+            place.refuse(_TOO_MANY, now)
 
     def look(self, now: float) -> None:
         """End jogs that are no longer held, and collect the ends of commands; to be called at least every 50 ms."""
@@ -153,7 +156,7 @@ class PageClients:
         )
         if isinstance(verdict, Refusal):
             self._end_jog(place)
-            place.tell(PageMessage("refused", verdict.text, verdict.remedy), now)
+            place.refuse(verdict, now)
             return
         try:
             self._do(place, verdict, ask, now)
@@ -193,7 +196,7 @@ class PageClients:
     def _of_objects(self, place: PageClient, ask: PageRequest, now: float) -> None:
         refused = self.objects.do(place.seat.number, ask, controls=self.lease.held_by(place.seat))
         if refused is not None:
-            place.tell(PageMessage("refused", refused.text, refused.remedy), now)
+            place.refuse(refused, now)
 
     def _perform(self, place: PageClient, act: PageAction) -> None:
         if act.verb in STOPS:
@@ -236,7 +239,7 @@ class PageClients:
     def _take(self, place: PageClient, over: bool, now: float) -> None:
         lease = self.lease.taken(place.seat, over=over)
         if isinstance(lease, Refusal):
-            place.tell(PageMessage("refused", lease.text, lease.remedy), now)
+            place.refuse(lease, now)
             return
         before, self.lease = self.lease.holder, lease
         if (
@@ -254,14 +257,7 @@ class PageClients:
 
     def _take_command(self, place: PageClient, now: float) -> None:
         if self.looks:
-            place.tell(
-                PageMessage(
-                    "refused",
-                    "the server serves observer pages only: it cannot take control",
-                    "start axisbus web without --look",
-                ),
-                now,
-            )
+            place.refuse(_ONLY_LOOKS, now)
         else:
             place.under_way.append(take_command(self._machine))
 
@@ -269,9 +265,7 @@ class PageClients:
         if place.seat.role is Role.OPERATOR:
             place.tell(PageMessage("link", self._link()), now)
         else:
-            place.tell(
-                PageMessage("refused", "this is an observer page: it makes no links", "ask an operator"), now
-            )
+            place.refuse(Refusal("this is an observer page: it makes no links", "ask an operator"), now)
 
     def _gather(self, place: PageClient, now: float) -> None:
         for handles in (place.under_way, place.jogs):
