@@ -92,7 +92,7 @@ class ControllerOutputBuffer:
             observed=f"the newest answer belongs to values that are {age * 1e3:.1f} ms old; at most "
             f"{counted(self._late + 1, 'cycle')} are allowed",
             remedy="let the function do less, give the program more processor time (its threads wait for each other), or "
-            "set a longer scan_period, or late = ... (cycles for which the last answer remains valid)",
+            "set a longer scan_period, or max_missed_cycles = ... (further cycles for which the last answer stays valid)",
         )
 
 
