@@ -195,7 +195,7 @@ class _Page:
 
     def take(self, parts: Sequence[bytes]) -> None:
         pages = self.pages
-        place = pages.sit()
+        place = pages.admit()
         try:
             for part in parts:
                 text = part.decode("utf-8", "surrogatepass" if part[:1] == b"{" else "replace")

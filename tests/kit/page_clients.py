@@ -23,11 +23,11 @@ class Pages:
         self.now = 100.0
         self.press = 0
 
-    def sit(self, role: Role = Role.OPERATOR) -> PageClient:
-        return self.desk.sit(PageSession(1, role), "127.0.0.1")
+    def admit(self, role: Role = Role.OPERATOR) -> PageClient:
+        return self.desk.admit(PageSession(1, role), "127.0.0.1")
 
     def operator(self) -> PageClient:
-        place = self.sit()
+        place = self.admit()
         self.ask(place, "take")
         return place
 

@@ -53,7 +53,7 @@ def wait_for_end(pages: Pages, place: PageClient) -> None:
         assert time.monotonic() < until
         time.sleep(0.01)
     pages.pass_(0.1)
-    assert not place.under_way
+    assert not place.running
 
 
 def test_a_page_with_the_controls_boots_a_node_that_has_lost_its_supply(pages):
@@ -89,7 +89,7 @@ def test_a_page_with_the_controls_boots_a_node_that_has_lost_its_supply(pages):
 
 
 def test_without_the_controls_no_node_is_booted(pages):
-    pages.ask(place := pages.sit(), "boot", node=1)
+    pages.ask(place := pages.admit(), "boot", node=1)
     assert pages.told(place) == [("refused", "no page has the controls")]
     assert pages.desk.boots.news() == []
 

@@ -25,7 +25,7 @@ def pages(tmp_path: Path) -> Iterator[Pages]:
 
 
 def test_enabling_needs_the_controls_and_a_yes(pages):
-    place = pages.sit()
+    place = pages.admit()
     pages.ask(place, "enable", "x", sure=True)
     pages.pass_(1.0)
     assert "no page has the controls" in pages.told(place)[0][1]
@@ -39,7 +39,7 @@ def test_enabling_needs_the_controls_and_a_yes(pages):
 
 def test_a_flood_of_stops_is_given_to_the_core_as_a_few_and_the_last_one_counts(pages, monkeypatch):
     """All pages share one connection to the core, which takes 500 messages a second: an observer could delay the others' stops."""
-    operator, observer = pages.operator(), pages.sit(Role.LOOKER)
+    operator, observer = pages.operator(), pages.admit(Role.LOOKER)
     pages.enabled(operator, "x", "y")
     given = []
     for verb in ("halt", "quick_stop"):
@@ -170,7 +170,7 @@ def test_a_jog_ends_by_silence_and_late_beats_do_not_revive_it(pages):
 
 
 def test_a_jog_ends_when_its_page_leaves_and_the_controls_are_free(pages):
-    place, other = pages.operator(), pages.sit()
+    place, other = pages.operator(), pages.admit()
     pages.enabled(place, "x")
     pages.jog(place, velocity="40")
     pages.desk.leave(place)
@@ -183,7 +183,7 @@ def test_a_jog_ends_when_its_page_leaves_and_the_controls_are_free(pages):
 
 @pytest.mark.parametrize("do", ["quick_stop_all", "halt_all", "quick_stop", "halt"])
 def test_a_stop_by_an_observer_ends_a_jog_until_the_next_press(pages, do):
-    place, looker = pages.operator(), pages.sit(Role.LOOKER)
+    place, looker = pages.operator(), pages.admit(Role.LOOKER)
     pages.enabled(place, "x")
     pages.jog(place)
     pages.ask(looker, do, "x")
@@ -248,7 +248,7 @@ def test_a_jog_without_a_direction_is_refused(pages, way):
 
 
 def test_taken_over_a_jog_ends_and_both_are_reported(pages):
-    one, two = pages.operator(), pages.sit()
+    one, two = pages.operator(), pages.admit()
     pages.enabled(one, "x")
     pages.jog(one, velocity="40")
     pages.ask(two, "take")
@@ -311,7 +311,7 @@ def test_a_torque_needs_a_yes_turns_a_free_axis_and_ends_by_a_halt(pages):
 
 @pytest.mark.parametrize("do", ["quick_stop", "quick_stop_all", "halt_all"])
 def test_an_observer_ends_a_torque_and_commands_none(pages, do):
-    place, looker = pages.operator(), pages.sit(Role.LOOKER)
+    place, looker = pages.operator(), pages.admit(Role.LOOKER)
     pages.enabled(place, "x")
     values = {"torque": "1", "slope": "100"}
     pages.ask(looker, "torque_control", "x", sure=True, values=values)
@@ -367,7 +367,7 @@ def test_an_axis_without_power_or_in_fault_is_given_no_torque(pages):
 
 
 def test_control_is_taken_only_by_a_page_with_the_controls_after_a_yes(pages):
-    place, looker = pages.operator(), pages.sit(Role.LOOKER)
+    place, looker = pages.operator(), pages.admit(Role.LOOKER)
     pages.ask(looker, "take_command", sure=True)
     assert pages.told(looker)[0][0] == "refused"
     pages.ask(place, "take_command")
@@ -375,7 +375,7 @@ def test_control_is_taken_only_by_a_page_with_the_controls_after_a_yes(pages):
     pages.ask(place, "take_command", sure=True)
     pages.pass_(0.1)
     assert pages.told(place) == []
-    pages.desk.looks = True
+    pages.desk.observes_only = True
     pages.ask(place, "take_command", sure=True)
     assert "the server serves observer pages only" in pages.told(place)[0][1]
 
@@ -428,7 +428,7 @@ def test_a_failure_of_one_axis_does_not_keep_a_stop_from_the_others(pages, monke
 
 
 def test_links_are_only_for_operators(pages):
-    operator, looker = pages.sit(), pages.sit(Role.LOOKER)
+    operator, looker = pages.admit(), pages.admit(Role.LOOKER)
     pages.ask(operator, "link")
     pages.ask(looker, "link")
     assert pages.told(operator) == [("link", "http://here/enter?token=t")]
@@ -443,4 +443,4 @@ def test_ended_commands_are_not_stored(pages):
         pages.pass_(0.1)
     pages.jog(place)
     pages.pass_(1.0)
-    assert len(place.under_way) + len(place.jogs) < 3
+    assert len(place.running) + len(place.jogs) < 3

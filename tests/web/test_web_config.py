@@ -373,7 +373,7 @@ def desk(machine: Machine) -> SimpleNamespace:
     at = PageClients(machine, str)
     worker = ObjectWorker(machine, at.objects)
     operator, looker = (
-        at.sit(PageSession(number, role), "here") for number, role in ((1, Role.OPERATOR), (2, Role.LOOKER))
+        at.admit(PageSession(number, role), "here") for number, role in ((1, Role.OPERATOR), (2, Role.LOOKER))
     )
     job = at.objects.configuring
 

@@ -357,7 +357,7 @@ def desk(nodes) -> SimpleNamespace:
     """A client handler with an operator, who has the controls, and an observer; ``run`` lets the worker work for a time."""
     at = PageClients(nodes.machine, str)
     worker = ObjectWorker(nodes.machine, at.objects)
-    operator, looker = (at.sit(PageSession(1, role), "here") for role in (Role.OPERATOR, Role.LOOKER))
+    operator, looker = (at.admit(PageSession(1, role), "here") for role in (Role.OPERATOR, Role.LOOKER))
 
     def ask(place: Any, do: str, *keys: str, **more: Any) -> None:
         at.hear(place, json.dumps({"do": do, "objects": list(keys), **more}), 100.0)
@@ -392,7 +392,7 @@ def test_an_observer_reads_and_neither_writes_nor_verifies(desk):
 
 
 def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_requested(desk):
-    other = desk.desk.sit(PageSession(2, Role.OPERATOR), "there")
+    other = desk.desk.admit(PageSession(2, Role.OPERATOR), "there")
     before = desk.nodes.has("1:6083:00")
     desk.ask(desk.operator, "write_object", "1:6083:00", text="5")
     desk.ask(other, "take_over")

@@ -59,8 +59,8 @@ def test_if_more_objects_are_repeated_than_time_allows_each_has_its_turn():
 
 def test_a_page_with_many_requests_does_not_delay_the_others():
     turns = TransferQueue()
-    assert turns.ask(1, [ObjectJob(key, 1) for key in X[:60]])
-    assert turns.ask(2, [ObjectJob(Y, 2)])
+    assert turns.request(1, [ObjectJob(key, 1) for key in X[:60]])
+    assert turns.request(2, [ObjectJob(Y, 2)])
     turns.keep(3, [X[99]])
     first = [job.page for _, job in run(turns, 0.0, 4 * STEP)]
     assert set(first[:3]) == {0, 1, 2}
@@ -68,15 +68,15 @@ def test_a_page_with_many_requests_does_not_delay_the_others():
 
 def test_a_page_may_wait_for_so_much_and_no_more():
     turns = TransferQueue()
-    assert turns.ask(1, [ObjectJob(X[0], 1)] * WAITING)
-    assert not turns.ask(1, [ObjectJob(X[0], 1)])
-    assert turns.ask(2, [ObjectJob(X[0], 2)])
+    assert turns.request(1, [ObjectJob(X[0], 1)] * WAITING)
+    assert not turns.request(1, [ObjectJob(X[0], 1)])
+    assert turns.request(2, [ObjectJob(X[0], 2)])
 
 
 def test_reads_of_a_silent_node_are_dropped_and_repeated_objects_wait():
     turns = TransferQueue()
     turns.keep(1, [X[0], Y])
-    assert turns.ask(2, [ObjectJob(key, 2) for key in X[:30]])
+    assert turns.request(2, [ObjectJob(key, 2) for key in X[:30]])
     done = run(turns, 0.0, QUIET - 1.0, silent={1})
     assert Counter(job.key.node for _, job in done)[1] <= 2
     assert Counter(job.key.node for _, job in done)[2] >= 7
@@ -86,14 +86,14 @@ def test_reads_of_a_silent_node_are_dropped_and_repeated_objects_wait():
 
 def test_a_write_is_not_given_up_with_the_reads_of_a_silent_node():
     turns, wish = TransferQueue(), ObjectJob(X[5], 1, TransferRequest("1"))
-    assert turns.ask(1, [ObjectJob(X[0], 1), ObjectJob(X[1], 1), wish])
+    assert turns.request(1, [ObjectJob(X[0], 1), ObjectJob(X[1], 1), wish])
     done = run(turns, 0.0, 1.0, silent={1})
     assert [job for _, job in done] == [ObjectJob(X[0], 1), wish]
 
 
 def test_without_the_controls_waiting_writes_are_dropped_and_reported():
     turns, wish = TransferQueue(), ObjectJob(X[5], 1, TransferRequest("1"))
-    assert turns.ask(1, [wish, ObjectJob(X[1], 1)])
+    assert turns.request(1, [wish, ObjectJob(X[1], 1)])
     turns.drop_writes(1, 7.0)
     turns.drop_writes(9, 7.0)
     (told,) = turns.news(1)
@@ -105,7 +105,7 @@ def test_without_the_controls_waiting_writes_are_dropped_and_reported():
 def test_nothing_is_read_for_a_page_that_left():
     turns = TransferQueue()
     turns.keep(1, X[:3])
-    assert turns.ask(1, [ObjectJob(X[7], 1)])
+    assert turns.request(1, [ObjectJob(X[7], 1)])
     turns.leave(1)
     turns.leave(1)
     assert run(turns, 0.0, 2.0) == []

@@ -53,7 +53,7 @@ class Tuning(Pages):
     def last(self) -> dict[str, Any]:
         return self.news[-1]
 
-    def under_way(self, place: PageClient) -> None:
+    def running(self, place: PageClient) -> None:
         """A trial whose axis moves."""
         self.step(place)
         self.go_on(place, 0.2)
@@ -254,7 +254,7 @@ def test_an_invalid_velocity_is_refused(pages, place, velocity, words):
 
 
 def test_a_trial_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pages):
-    looker, place = pages.sit(Role.LOOKER), pages.sit()
+    looker, place = pages.admit(Role.LOOKER), pages.admit()
     for who, words in ((looker, "observer page"), (place, "no page has the controls")):
         pages.step(who)
         assert words in pages.told(who)[0][1]
@@ -285,7 +285,7 @@ def test_a_late_yes_moves_nothing(pages, place):
 
 
 def test_two_at_a_time_are_refused_and_the_first_continues(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.step(place)
     assert "another trial is running" in pages.told(place)[0][1]
     pages.press -= 1
@@ -297,7 +297,7 @@ def test_two_at_a_time_are_refused_and_the_first_continues(pages, place):
 
 
 def test_a_trial_ends_when_its_page_leaves(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.desk.leave(place)
     pages.pass_(0.3)
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
@@ -311,42 +311,42 @@ def test_a_trial_ends_when_its_page_leaves(pages, place):
 
 
 def test_a_trial_ends_by_silence_and_late_messages_do_not_revive_it(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.go_on(place, 0.3, alive=False)
     pages.ended(place, "the server received nothing from its page")
 
 
 def test_a_late_beat_ends_it(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.ask(place, "trial_beat", press=pages.press, sent=pages.now - 90.0 - 0.3)
     pages.ended(place, "the server received nothing from its page")
 
 
 def test_a_trial_ends_when_its_page_is_hidden(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.ask(place, "trial_end")
     pages.ended(place, "its page has ended it")
 
 
 @pytest.mark.parametrize("do", ["take_over", "give_back"])
 def test_a_trial_ends_with_the_controls(pages, place, do):
-    other = pages.sit()
-    pages.under_way(place)
+    other = pages.admit()
+    pages.running(place)
     pages.ask(other if do == "take_over" else place, do)
     pages.ended(place, "no longer has the controls")
 
 
 @pytest.mark.parametrize("do", ["halt", "halt_all", "quick_stop", "quick_stop_all"])
 def test_a_stop_of_an_observer_ends_it(pages, place, do):
-    looker = pages.sit(Role.LOOKER)
-    pages.under_way(place)
+    looker = pages.admit(Role.LOOKER)
+    pages.running(place)
     pages.ask(looker, do, "x")
     pages.ended(place, "halted, or stopped")
 
 
 @pytest.mark.parametrize("do", ["halt", "quick_stop", "quick_stop_all"])
 def test_a_stop_during_the_pause_of_a_trial_prevents_the_return(pages, place, do):
-    looker = pages.sit(Role.LOOKER)
+    looker = pages.admit(Role.LOOKER)
     pages.step(place)
     pages.go_on(place, 0.8)
     assert pages.machine["x"].state is AxisState.STANDSTILL
@@ -356,13 +356,13 @@ def test_a_stop_during_the_pause_of_a_trial_prevents_the_return(pages, place, do
 
 
 def test_the_server_s_own_stop_ends_it(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.desk.stop_all()
     pages.ended(place, "halted, or stopped")
 
 
 def test_a_halt_of_another_program_ends_it(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.machine["x"].halt()
     pages.ended(place, "halt")
 
@@ -376,7 +376,7 @@ def test_a_halt_of_another_program_during_the_pause_prevents_the_return(pages, p
 
 
 def test_a_fault_ends_it_and_is_reported(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.machine.simulated_node(1).fault(0x4310)
     pages.ended(place, "")
     assert pages.last["why"]
@@ -394,20 +394,20 @@ def test_a_fault_of_another_axis_ends_it_also_during_the_pause(pages, place, wai
 
 @pytest.mark.parametrize("do", ["move_relative", "disable"])
 def test_another_command_takes_over(pages, place, do):
-    pages.under_way(place)
+    pages.running(place)
     pages.ask(place, do, "x", values={"distance": "5"} if do == "move_relative" else {})
     pages.pass_(1.0)
     pages.ended(place, f"another command took over: {do}()")
 
 
 def test_a_command_that_is_refused_leaves_nothing_moving(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.ask(place, "move_relative", "x", values={"distance": "1", "velocity": "nan"})
     pages.ended(place, "another command took over")
 
 
 def test_a_trial_leaves_the_other_axis_alone_and_is_left_alone(pages, place):
-    pages.under_way(place)
+    pages.running(place)
     pages.ask(place, "move_relative", "y", values={"distance": "10"})
     pages.go_on(place, 2.4)
     assert (pages.last["phase"], pages.last["why"]) == ("over", "")
@@ -420,7 +420,7 @@ def test_a_trial_is_no_longer_observed_after_its_end(pages, place, monkeypatch):
     monkeypatch.setattr(
         type(pages.machine.session), "forget", lambda self, who: (forgotten.append(who), forget(self, who))
     )
-    pages.under_way(place)
+    pages.running(place)
     pages.ask(place, "trial_end")
     pages.pass_(0.2)
     assert len(forgotten) == 1

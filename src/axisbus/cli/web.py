@@ -82,7 +82,7 @@ def command(
         machine = machine_of(cell, command=not look, take=take, beside=beside)
         with machine:
             stack.enter_context(logging_aside())
-            server = PageServer(machine, place, listening, tls, BesideAxes(machine).lines, looks=look)
+            server = PageServer(machine, place, listening, tls, BesideAxes(machine).lines, observes_only=look)
             stack.callback(server.end)  # after the machine has been left, so that nothing waits for a browser
             server.begin()
             _keep(server, machine, Role.LOOKER if look else Role.OPERATOR)

@@ -36,14 +36,18 @@ class PageSocket:
     """Hold the clients, the newest values as text, and an event that signals new ones."""
 
     def __init__(
-        self, machine: Machine, desk: PageClients, beside: Callable[[], list[str]], grow: Callable[[], None]
+        self,
+        machine: Machine,
+        clients: PageClients,
+        beside: Callable[[], list[str]],
+        grow: Callable[[], None],
     ) -> None:
         """Nothing happens before ``run``; ``beside`` returns lines about the bus, the cycle and the programs, and may block.
 
         ``grow`` adds axes that have joined to the pages.
         """
         self._machine = machine
-        self._desk = desk
+        self._clients = clients
         self._beside = beside
         self._grow = grow
         self._axes = self._cell = "null"
@@ -62,14 +66,14 @@ class PageSocket:
         """Serve one page until it disconnects."""
         session: PageSession = socket.scope[SESSION]
         await socket.accept()
-        place = self._desk.sit(session, socket.client.host if socket.client else "an unknown address")
-        writer = asyncio.create_task(self._write(socket, place))
+        client = self._clients.admit(session, socket.client.host if socket.client else "an unknown address")
+        writer = asyncio.create_task(self._write(socket, client))
         try:
             while (text := await next_text(socket)) is not None:
-                self._desk.hear(place, text, time.monotonic())
+                self._clients.hear(client, text, time.monotonic())
                 await asyncio.sleep(0)  # a flood of messages must not keep other pages from being heard
         finally:
-            self._desk.leave(place)
+            self._clients.leave(client)
             writer.cancel()
             await end(socket)
 
@@ -77,7 +81,7 @@ class PageSocket:
         due = 0.0
         while True:
             now = time.monotonic()
-            self._desk.look(now)
+            self._clients.look(now)
             if now >= due:
                 due = now + _VALUES
                 self._machine.hold_to_run(_HOLD, _CONTINUOUS)
@@ -115,62 +119,62 @@ class PageSocket:
     def _whole(self) -> Values:
         return whole_cell(self._machine, self._beside(), time.monotonic())
 
-    async def _write(self, socket: WebSocket, place: PageClient) -> None:
+    async def _write(self, socket: WebSocket, client: PageClient) -> None:
         """Send the newest values; a slow page misses the values in between, and a page that accepts none is disconnected."""
         sent, told = "", 0.0
         try:
             while True:
-                if is_ahead(told, place.seen):  # it would queue up, and be old when it is shown
+                if is_ahead(told, client.seen):  # it would queue up, and be old when it is shown
                     await self._bell.wait()
                     continue
                 told = time.monotonic()
                 cell = "" if self._cell is sent else f', "cell": {self._cell}'
                 sent = self._cell
-                own = json.dumps(self._own(place, told))
+                own = json.dumps(self._own(client, told))
                 async with asyncio.timeout(SLOW):
                     await socket.send_text(f'{{"axes": {self._axes}, "own": {own}{cell}}}')
                 await self._bell.wait()
         except (TimeoutError, *GONE):
-            self._desk.leave(place)
+            self._clients.leave(client)
 
-    def _own(self, place: PageClient, now: float) -> Values:
-        told, place.told = place.told, []
-        holder = self._desk.lease.holder
+    def _own(self, client: PageClient, now: float) -> Values:
+        told, client.told = client.told, []
+        holder = self._clients.lease.holder
         return {
-            "who": place.seat.who,
-            "role": place.seat.role.value,
-            "looks": self._desk.looks,
-            "mine": self._desk.lease.held_by(place.seat),
+            "who": client.seat.who,
+            "role": client.seat.role.value,
+            "looks": self._clients.observes_only,
+            "mine": self._clients.lease.held_by(client.seat),
             "holder": None if holder is None else holder.who,
-            "held": place.deadman.axis,
-            "press": place.deadman.press,
+            "held": client.deadman.axis,
+            "press": client.deadman.press,
             "now": now,
-            "heard": place.heard,
+            "heard": client.heard,
             "dead": self._machine.session.dead,
             "cell_age": now - self._cell_seen,
-            "boots": self._desk.boots.news(),
-            "objects": self._desk.objects.news(place.seat.number, now),
-            "page": place.seat.number,
-            "verified": self._verified(place),
-            "configured": self._configured(place),
-            "trial": self._desk.trials.news(place.seat.number),
+            "boots": self._clients.boots.news(),
+            "objects": self._clients.objects.news(client.seat.number, now),
+            "page": client.seat.number,
+            "verified": self._verified(client),
+            "configured": self._configured(client),
+            "trial": self._clients.trials.news(client.seat.number),
             "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
         }
 
-    def _verified(self, place: PageClient) -> Values | None:
+    def _verified(self, client: PageClient) -> Values | None:
         """Return the progress of the verification, if it has changed since it was last sent to the page."""
-        now = self._desk.objects.verified
-        if now is None or now is place.verified:
+        now = self._clients.objects.verified
+        if now is None or now is client.verified:
             return None
-        place.verified = now
+        client.verified = now
         return now.told()
 
-    def _configured(self, place: PageClient) -> Values | None:
+    def _configured(self, client: PageClient) -> Values | None:
         """Return the progress of the configuration job, if it has changed since it was last sent to the page."""
-        now = self._desk.objects.configured
-        if now is None or now is place.configured:
+        now = self._clients.objects.configured
+        if now is None or now is client.configured:
             return None
-        place.configured = now
+        client.configured = now
         return now.told()
 
 

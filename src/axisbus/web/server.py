@@ -54,33 +54,33 @@ class PageServer:
     def __init__(
         self,
         machine: Machine,
-        place: PageAddress,
+        page_address: PageAddress,
         listening: socket.socket,
         tls: tuple[Path, Path] | None,
         beside: Callable[[], list[str]],
         *,
-        looks: bool = False,
+        observes_only: bool = False,
     ) -> None:
         """``listening`` is bound; ``tls`` are the files of a certificate and its key.
 
-        ``beside``: as for ``PageSocket``; ``looks``: as for ``PageClients``.
+        ``beside``: as for ``PageSocket``; ``observes_only``: as for ``PageClients``.
         """
         self._machine = machine
-        self._place = place
+        self._place = page_address
         self._listening = listening
         self._keys = PageSessions()
-        self._desk = PageClients(machine, lambda: self.link(Role.LOOKER), looks=looks)
+        self._clients = PageClients(machine, lambda: self.link(Role.LOOKER), observes_only=observes_only)
         self._pages = Pages(machine)
-        self._live = PageSocket(machine, self._desk, beside, self._pages.look)
+        self._live = PageSocket(machine, self._clients, beside, self._pages.look)
         self._hub = Hub(machine)
         self._books = DictionaryCache(machine)
-        self._worker = ObjectWorker(machine, self._desk.objects)
-        self._config = ConfigRoutes(self._desk)
+        self._worker = ObjectWorker(machine, self._clients.objects)
+        self._config = ConfigRoutes(self._clients)
         self._saving = scope.ScopeRoutes(machine)
         self._failure: BaseException | None = None
         self._acceptor = Acceptor(listening)
         gate = AccessMiddleware(
-            self._application(), place.door, self._keys, place.cookie, self._acceptor.let_in
+            self._application(), page_address.door, self._keys, page_address.cookie, self._acceptor.let_in
         )
         self._uvicorn = uvicorn.Server(
             uvicorn.Config(
@@ -171,13 +171,13 @@ class PageServer:
         return Response(await self._books.page(node), media_type="application/json")
 
     async def _trial(self, number: int) -> Response:
-        found = self._desk.trials.outcome(number)
+        found = self._clients.trials.outcome(number)
         text = "null" if found is None else await asyncio.to_thread(lambda: json.dumps(found.samples()))
         return Response(text, media_type="application/json")
 
     async def _stop(self, request: Request) -> Response:  # noqa: ARG002  # its contents are ignored
         """Quick-stop every axis; the page requests this if its socket does not work."""
-        self._desk.stop_all()
+        self._clients.stop_all()
         return Response(status_code=204)
 
     @asynccontextmanager
@@ -252,9 +252,9 @@ _UPLOAD_PATIENCE = 10.0  # seconds that an upload may take
 class ConfigRoutes:
     """Hold the browsers that are uploading a file; used by one event loop."""
 
-    def __init__(self, desk: PageClients) -> None:
-        """``desk`` has the pages and their files."""
-        self._desk = desk
+    def __init__(self, clients: PageClients) -> None:
+        """``clients`` has the pages and their files."""
+        self._clients = clients
         self._coming: set[int] = set()
         self._turn = asyncio.Semaphore(_AT_ONCE)
 
@@ -290,25 +290,25 @@ class ConfigRoutes:
     async def _taken(self, page: int, file: Dcf) -> Response:
         async with self._turn:
             told = await asyncio.to_thread(_described, file)
-        if told["error"] is None and page in self._desk.places and len(file.data) <= MOST:
+        if told["error"] is None and page in self._clients.clients and len(file.data) <= MOST:
             self._files.keep(page, BROUGHT, file)
         return Response(json.dumps(told), media_type="application/json")
 
     @property
     def _files(self) -> PageFiles:
-        return self._desk.objects.configuring.files
+        return self._clients.objects.configuring.files
 
     def _page(self, request: Request) -> int | None:
         """Return the page that a request names, if it belongs to the same browser."""
         text = request.query_params.get("page", "")
-        place = (
-            self._desk.places.get(int(text))
+        client = (
+            self._clients.clients.get(int(text))
             if text.isascii() and text.isdecimal() and len(text) < 10
             else None
         )
-        if place is None or place.session != request.scope[SESSION].number:
+        if client is None or client.session != request.scope[SESSION].number:
             return None
-        return place.seat.number
+        return client.seat.number
 
 
 def _described(file: Dcf) -> Values:

@@ -20,20 +20,20 @@ class PageAction:
     values: Mapping[str, float] = field(default_factory=dict)
 
 
-def decide(seat: Seat, lease: PageLease, ask: PageRequest, axes: Collection[str]) -> PageAction | Refusal:
+def decide(seat: Seat, lease: PageLease, request: PageRequest, axes: Collection[str]) -> PageAction | Refusal:
     """Return the action to carry out, or why it is refused. Every page may halt and stop, even without the controls."""
-    row = VERBS[ask.verb]
-    if row.axis and ask.axis not in axes:
-        return Refusal(f"there is no axis {ask.axis!r}", f"there are {', '.join(axes) or 'none'}")
-    refused = _of_who(seat, lease, row) or _of_what(ask, row)
+    row = VERBS[request.verb]
+    if row.axis and request.axis not in axes:
+        return Refusal(f"there is no axis {request.axis!r}", f"there are {', '.join(axes) or 'none'}")
+    refused = _of_who(seat, lease, row) or _of_what(request, row)
     if refused is not None:
         return refused
-    values = _numbers(ask, row)
+    values = _numbers(request, row)
     if isinstance(values, Refusal):
         return values
-    if ask.verb in (PageVerb.QUICK_STOP_ALL, PageVerb.HALT_ALL):
-        return PageAction(ask.verb, tuple(axes))
-    return PageAction(ask.verb, (ask.axis,) if row.axis else (), values)
+    if request.verb in (PageVerb.QUICK_STOP_ALL, PageVerb.HALT_ALL):
+        return PageAction(request.verb, tuple(axes))
+    return PageAction(request.verb, (request.axis,) if row.axis else (), values)
 
 
 def _of_who(seat: Seat, lease: PageLease, row: VerbRequirements) -> Refusal | None:
@@ -49,25 +49,27 @@ def _of_who(seat: Seat, lease: PageLease, row: VerbRequirements) -> Refusal | No
     return Refusal(f"{lease.holder.who} has the controls", "take them over (Take over), and inform that user")
 
 
-def _of_what(ask: PageRequest, row: VerbRequirements) -> Refusal | None:
-    if row.sure and not ask.sure:
-        asked = f"{ask.axis}.{ask.verb.value}" if row.axis else ask.verb.value
+def _of_what(request: PageRequest, row: VerbRequirements) -> Refusal | None:
+    if row.sure and not request.sure:
+        asked = f"{request.axis}.{request.verb.value}" if row.axis else request.verb.value
         return Refusal(f"{asked}(): it has not been confirmed", "answer the page's question")
     return None
 
 
-def _numbers(ask: PageRequest, row: VerbRequirements) -> dict[str, float] | Refusal:
+def _numbers(request: PageRequest, row: VerbRequirements) -> dict[str, float] | Refusal:
     """Return the numbers that the verb takes; an omitted number takes the default of the cell file, if there is one."""
     found: dict[str, float] = {}
     for name in (*row.needs, *row.takes):
-        text = ask.values.get(name, "").strip().replace(",", ".")
+        text = request.values.get(name, "").strip().replace(",", ".")
         if not text and name in row.needs:
-            return Refusal(f"{ask.axis}.{ask.verb.value}(): no {name} given", f"give the {name} as a number")
+            return Refusal(
+                f"{request.axis}.{request.verb.value}(): no {name} given", f"give the {name} as a number"
+            )
         try:
             found |= {name: _number(text)} if text else {}
         except ValueError:
             return Refusal(
-                f"{ask.axis}.{ask.verb.value}(): {text!r} is not a valid {name}",
+                f"{request.axis}.{request.verb.value}(): {text!r} is not a valid {name}",
                 "give it as a number, such as 12.5",
             )
     return found

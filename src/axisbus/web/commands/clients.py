@@ -34,7 +34,7 @@ _ONLY_LOOKS = Refusal(
     "the server serves observer pages only: it cannot take control", "start axisbus web without --look"
 )
 _AGAIN = 2.0  # seconds after which the same message is sent again
-_UNDER_WAY = 64  # the most running commands of a page whose ends are reported
+_MOST_RUNNING = 64  # the most running commands of a page whose ends are reported
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,7 @@ class PageClient:
     seat: Seat
     bucket: Bucket = field(default_factory=Bucket)
     deadman: DeadMan = field(default_factory=DeadMan)
-    under_way: list[Handle] = field(default_factory=list)
+    running: list[Handle] = field(default_factory=list)
     jogs: list[Handle] = field(default_factory=list)
     told: list[PageMessage] = field(default_factory=list)
     last: tuple[str, float] = ("", 0.0)
@@ -79,55 +79,55 @@ class PageClient:
 class PageClients:
     """Hold all pages and the lease of the controls; used by one thread. Times are seconds of one clock, read by the caller."""
 
-    def __init__(self, machine: Machine, link: Callable[[], str], *, looks: bool = False) -> None:
-        """``link`` makes a link for one more page that only observes; ``looks``: no page may take control of the machine."""
+    def __init__(self, machine: Machine, link: Callable[[], str], *, observes_only: bool = False) -> None:
+        """``link`` makes a link for one more page that only observes; ``observes_only``: no page may take control."""
         self._machine = machine
         self._link = link
-        self.looks = looks
+        self.observes_only = observes_only
         self._count = 0
         self.lease = PageLease()
         self.objects = ObjectRequests()
         self.trials = Trials(machine)
         self.boots = NodeBoots(machine)
         self._stops = MergedStops(machine)
-        self.places: dict[int, PageClient] = {}
+        self.clients: dict[int, PageClient] = {}
 
-    def sit(self, session: PageSession, peer: str) -> PageClient:
+    def admit(self, session: PageSession, peer: str) -> PageClient:
         """Register a page that has been opened, and return its client."""
         self._count += 1
-        place = PageClient(
+        client = PageClient(
             Seat(self._count, f"page {self._count} at {peer}", session.role), session=session.number
         )
-        self.places[place.seat.number] = place
-        return place
+        self.clients[client.seat.number] = client
+        return client
 
-    def leave(self, place: PageClient) -> None:
+    def leave(self, client: PageClient) -> None:
         """Remove a closed page: halt its jog or trial, and free the controls. Harmless when repeated."""
-        self.places.pop(place.seat.number, None)
-        self.lease = self.lease.without(place.seat)
-        self.objects.leave(place.seat.number)
-        self._end_jog(place)
-        self.trials.leave(place.seat.number)
-        for handle in (*place.under_way, *place.jogs):
+        self.clients.pop(client.seat.number, None)
+        self.lease = self.lease.without(client.seat)
+        self.objects.leave(client.seat.number)
+        self._end_jog(client)
+        self.trials.leave(client.seat.number)
+        for handle in (*client.running, *client.jogs):
             mark_end_as_read(handle)  # no page is left to report the end to
 
-    def hear(self, place: PageClient, text: str, now: float) -> None:
+    def hear(self, client: PageClient, text: str, now: float) -> None:
         """Process a message of a page. Beyond the page's message rate, only halts and stops are processed."""
-        within = place.bucket.take(now)
-        ask = read(text)
-        if isinstance(ask, PageRequest) and (within or ask.verb in STOPS):
-            self._asked(place, ask, now)
-        elif isinstance(ask, Refusal) and within:
-            place.refuse(ask, now)
+        within = client.bucket.take(now)
+        request = read(text)
+        if isinstance(request, PageRequest) and (within or request.verb in STOPS):
+            self._asked(client, request, now)
+        elif isinstance(request, Refusal) and within:
+            client.refuse(request, now)
         elif not within:
-            place.refuse(_TOO_MANY, now)
+            client.refuse(_TOO_MANY, now)
 
     def look(self, now: float) -> None:
         """End jogs that are no longer held, and collect the ends of commands; to be called at least every 50 ms."""
-        for place in list(self.places.values()):
-            if place.deadman.silent(now) or self._broken_off(place):
-                self._end_jog(place)
-            self._gather(place, now)
+        for client in list(self.clients.values()):
+            if client.deadman.silent(now) or self._broken_off(client):
+                self._end_jog(client)
+            self._gather(client, now)
         self.trials.look(now)
 
     def stop_all(self) -> None:
@@ -143,143 +143,143 @@ class PageClients:
     def let_go(self, axes: Collection[str] | None = None) -> None:
         """End the jogs, and the trial, of these axes (None: all) after a stop; a jog needs a new press to start again."""
         self.trials.give_way(axes, trials.STOPPED)
-        for place in self.places.values():
-            if axes is None or place.deadman.axis in axes:
-                place.deadman = place.deadman.ended()
+        for client in self.clients.values():
+            if axes is None or client.deadman.axis in axes:
+                client.deadman = client.deadman.ended()
 
-    def _asked(self, place: PageClient, ask: PageRequest, now: float) -> None:
-        if ask.verb not in STOPS:
-            place.deadman = place.deadman.told(ask.sent, now)
-            place.heard, place.seen = ask.sent, ask.seen
-        verdict = too_late(place.deadman, ask, now) or decide(
-            place.seat, self.lease, ask, tuple(self._machine.axes)
+    def _asked(self, client: PageClient, request: PageRequest, now: float) -> None:
+        if request.verb not in STOPS:
+            client.deadman = client.deadman.told(request.sent, now)
+            client.heard, client.seen = request.sent, request.seen
+        decision = too_late(client.deadman, request, now) or decide(
+            client.seat, self.lease, request, tuple(self._machine.axes)
         )
-        if isinstance(verdict, Refusal):
-            self._end_jog(place)
-            place.refuse(verdict, now)
+        if isinstance(decision, Refusal):
+            self._end_jog(client)
+            client.refuse(decision, now)
             return
         try:
-            self._do(place, verdict, ask, now)
+            self._do(client, decision, request, now)
         except AxisbusError as error:
-            self._end_jog(place)
-            place.tell(_of_error("refused", error), now)
+            self._end_jog(client)
+            client.tell(_of_error("refused", error), now)
 
-    def _do(self, place: PageClient, act: PageAction, ask: PageRequest, now: float) -> None:
-        number = place.seat.number
-        if act.verb is PageVerb.JOG:
-            self._jog(place, act, ask, now)
-        elif act.verb is PageVerb.JOG_END:
-            self._end_jog(place)
-        elif act.verb in (PageVerb.TAKE, PageVerb.TAKE_OVER):
-            self._take(place, act.verb is PageVerb.TAKE_OVER, now)
-        elif act.verb is PageVerb.GIVE_BACK:
-            self._end_jog(place)
-            self.lease = self.lease.without(place.seat)
+    def _do(self, client: PageClient, action: PageAction, request: PageRequest, now: float) -> None:
+        number = client.seat.number
+        if action.verb is PageVerb.JOG:
+            self._jog(client, action, request, now)
+        elif action.verb is PageVerb.JOG_END:
+            self._end_jog(client)
+        elif action.verb in (PageVerb.TAKE, PageVerb.TAKE_OVER):
+            self._take(client, action.verb is PageVerb.TAKE_OVER, now)
+        elif action.verb is PageVerb.GIVE_BACK:
+            self._end_jog(client)
+            self.lease = self.lease.without(client.seat)
             self._without_controls(number, now)
-        elif act.verb is PageVerb.LINK:
-            self._give_link(place, now)
-        elif act.verb is PageVerb.TAKE_COMMAND:
-            self._take_command(place, now)
-        elif act.verb is PageVerb.BOOT:
-            place.under_way.append(self.boots.begin(ask.node))
-        elif act.verb in OBJECT_VERBS:
-            self._of_objects(place, ask, now)
-        elif act.verb in (PageVerb.STEP_POSITION, PageVerb.STEP_VELOCITY):
-            self.trials.ask(number, act, ask, place.deadman, now)
-        elif act.verb is PageVerb.TRIAL_BEAT:
-            self.trials.beat(number, ask, now)
-        elif act.verb is PageVerb.TRIAL_END:
+        elif action.verb is PageVerb.LINK:
+            self._give_link(client, now)
+        elif action.verb is PageVerb.TAKE_COMMAND:
+            self._take_command(client, now)
+        elif action.verb is PageVerb.BOOT:
+            client.running.append(self.boots.begin(request.node))
+        elif action.verb in OBJECT_VERBS:
+            self._of_objects(client, request, now)
+        elif action.verb in (PageVerb.STEP_POSITION, PageVerb.STEP_VELOCITY):
+            self.trials.request(number, action, request, client.deadman, now)
+        elif action.verb is PageVerb.TRIAL_BEAT:
+            self.trials.beat(number, request, now)
+        elif action.verb is PageVerb.TRIAL_END:
             self.trials.end(number, trials.ENDED)
-        elif act.verb is not PageVerb.BEAT:
-            self._perform(place, act)
+        elif action.verb is not PageVerb.BEAT:
+            self._perform(client, action)
 
-    def _of_objects(self, place: PageClient, ask: PageRequest, now: float) -> None:
-        refused = self.objects.do(place.seat.number, ask, controls=self.lease.held_by(place.seat))
+    def _of_objects(self, client: PageClient, request: PageRequest, now: float) -> None:
+        refused = self.objects.do(client.seat.number, request, controls=self.lease.held_by(client.seat))
         if refused is not None:
-            place.refuse(refused, now)
+            client.refuse(refused, now)
 
-    def _perform(self, place: PageClient, act: PageAction) -> None:
-        if act.verb in STOPS:
-            self.let_go(act.axes)
-            place.under_way += [each for each in stop(self._stops, act) if each not in place.under_way]
+    def _perform(self, client: PageClient, action: PageAction) -> None:
+        if action.verb in STOPS:
+            self.let_go(action.axes)
+            client.running += [each for each in stop(self._stops, action) if each not in client.running]
         else:
-            self.trials.end_of(act.axes, act.verb.value)
-            self._stops.overtake(act.axes)
-            place.under_way += perform(self._machine, act)
-        del place.under_way[:-_UNDER_WAY]
+            self.trials.end_of(action.axes, action.verb.value)
+            self._stops.overtake(action.axes)
+            client.running += perform(self._machine, action)
+        del client.running[:-_MOST_RUNNING]
 
-    def _jog(self, place: PageClient, act: PageAction, ask: PageRequest, now: float) -> None:
-        if self._broken_off(place):  # a jog that was stopped meanwhile must not continue
-            self._end_jog(place)
-        before = place.deadman
-        direction = direction_of(act)
-        place.deadman = before.beaten(ask.press, act.axes[0], direction, ask.sent, now)
-        if place.deadman.held:
-            self.trials.end_of(act.axes, act.verb.value)
-            self._stops.overtake(act.axes)
-            place.jogs.append(jog(self._machine, act, renews=before.is_held_by(ask.press)))
+    def _jog(self, client: PageClient, action: PageAction, request: PageRequest, now: float) -> None:
+        if self._broken_off(client):  # a jog that was stopped meanwhile must not continue
+            self._end_jog(client)
+        before = client.deadman
+        direction = direction_of(action)
+        client.deadman = before.beaten(request.press, action.axes[0], direction, request.sent, now)
+        if client.deadman.held:
+            self.trials.end_of(action.axes, action.verb.value)
+            self._stops.overtake(action.axes)
+            client.jogs.append(jog(self._machine, action, renews=before.is_held_by(request.press)))
         elif before.held:
-            self._halt(place, before.axis)
+            self._halt(client, before.axis)
 
-    def _broken_off(self, place: PageClient) -> bool:
+    def _broken_off(self, client: PageClient) -> bool:
         """Return whether the held jog was moving and no longer moves: halted by any client, in fault, or at a limit."""
-        state = self._machine[place.deadman.axis].snapshot.state if place.deadman.held else None
-        broken = place.moving and state not in (None, AxisState.CONTINUOUS_MOTION)
-        place.moving = state is AxisState.CONTINUOUS_MOTION
+        state = self._machine[client.deadman.axis].snapshot.state if client.deadman.held else None
+        broken = client.moving and state not in (None, AxisState.CONTINUOUS_MOTION)
+        client.moving = state is AxisState.CONTINUOUS_MOTION
         return broken
 
-    def _end_jog(self, place: PageClient) -> None:
-        axis, place.deadman = place.deadman.axis, place.deadman.ended()
+    def _end_jog(self, client: PageClient) -> None:
+        axis, client.deadman = client.deadman.axis, client.deadman.ended()
         if axis:
-            self._halt(place, axis)
+            self._halt(client, axis)
 
-    def _halt(self, place: PageClient, axis: str) -> None:
-        place.under_way.append(self._machine[axis].halt())
+    def _halt(self, client: PageClient, axis: str) -> None:
+        client.running.append(self._machine[axis].halt())
 
-    def _take(self, place: PageClient, over: bool, now: float) -> None:
-        lease = self.lease.taken(place.seat, over=over)
+    def _take(self, client: PageClient, over: bool, now: float) -> None:
+        lease = self.lease.taken(client.seat, over=over)
         if isinstance(lease, Refusal):
-            place.refuse(lease, now)
+            client.refuse(lease, now)
             return
         before, self.lease = self.lease.holder, lease
         if (
             before is not None
-            and before != place.seat
-            and (other := self.places.get(before.number)) is not None
+            and before != client.seat
+            and (other := self.clients.get(before.number)) is not None
         ):
             self._end_jog(other)
             self._without_controls(other.seat.number, now)
-            other.tell(PageMessage("note", f"{place.seat.who} has taken over the controls"), now)
+            other.tell(PageMessage("note", f"{client.seat.who} has taken over the controls"), now)
 
     def _without_controls(self, number: int, now: float) -> None:
         self.objects.without_controls(number, now)
         self.trials.end(number, trials.OVER)
 
-    def _take_command(self, place: PageClient, now: float) -> None:
-        if self.looks:
-            place.refuse(_ONLY_LOOKS, now)
+    def _take_command(self, client: PageClient, now: float) -> None:
+        if self.observes_only:
+            client.refuse(_ONLY_LOOKS, now)
         else:
-            place.under_way.append(take_command(self._machine))
+            client.running.append(take_command(self._machine))
 
-    def _give_link(self, place: PageClient, now: float) -> None:
-        if place.seat.role is Role.OPERATOR:
-            place.tell(PageMessage("link", self._link()), now)
+    def _give_link(self, client: PageClient, now: float) -> None:
+        if client.seat.role is Role.OPERATOR:
+            client.tell(PageMessage("link", self._link()), now)
         else:
-            place.refuse(Refusal("this is an observer page: it makes no links", "ask an operator"), now)
+            client.refuse(Refusal("this is an observer page: it makes no links", "ask an operator"), now)
 
-    def _gather(self, place: PageClient, now: float) -> None:
-        for handles in (place.under_way, place.jogs):
+    def _gather(self, client: PageClient, now: float) -> None:
+        for handles in (client.running, client.jogs):
             ended = [handle for handle in handles if not handle.busy]
             handles[:] = [handle for handle in handles if handle.busy]
             for error in (handle.exception() for handle in ended):
                 if error is None or isinstance(error, Replaced):
                     continue
-                if handles is place.jogs:
-                    self._end_jog(place)
+                if handles is client.jogs:
+                    self._end_jog(client)
                 if not isinstance(error, Interrupted):
-                    place.tell(_of_error("failed", error), now)
-                elif handles is place.under_way:
-                    place.tell(_of_error("note", error), now)
+                    client.tell(_of_error("failed", error), now)
+                elif handles is client.running:
+                    client.tell(_of_error("note", error), now)
 
 
 def _of_error(kind: str, error: AxisbusError) -> PageMessage:
@@ -302,20 +302,20 @@ _OLD_HELD = 0.6  # the same for a jog, which continues only while it is held
 AHEAD = 1.0  # seconds by which the values sent to a page may be newer than those it shows, so that they do not queue up
 
 
-def too_late(deadman: DeadMan, ask: PageRequest, now: float) -> Refusal | None:
+def too_late(deadman: DeadMan, request: PageRequest, now: float) -> Refusal | None:
     """Return why a request is rejected as too old, None if it is not; ``now`` as of ``DeadMan``."""
-    if not VERBS[ask.verb].controls:
+    if not VERBS[request.verb].controls:
         return None
-    late = deadman.lateness(ask.sent, now)
+    late = deadman.lateness(request.sent, now)
     if late > _LATE:
         return Refusal(
-            f"{ask.verb.value} came {late:.1f} s late, and was not executed",
+            f"{request.verb.value} came {late:.1f} s late, and was not executed",
             "check the state of the axes, and try again",
         )
-    old = 0.0 if ask.seen is None else now - ask.seen
-    if old > (_OLD_HELD if ask.verb is PageVerb.JOG else _OLD):
+    old = 0.0 if request.seen is None else now - request.seen
+    if old > (_OLD_HELD if request.verb is PageVerb.JOG else _OLD):
         return Refusal(
-            f"the connection is slow, {old:.1f} s there and back: {ask.verb.value} was not executed",
+            f"the connection is slow, {old:.1f} s there and back: {request.verb.value} was not executed",
             "use a faster connection, or command from the terminal",
         )
     return None

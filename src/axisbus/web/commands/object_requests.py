@@ -40,24 +40,24 @@ class ObjectRequests:
         self.verifying = Verifying()
         self.configuring = Configuring()
 
-    def do(self, page: int, ask: PageRequest, *, controls: bool = False) -> Refusal | None:
+    def do(self, page: int, request: PageRequest, *, controls: bool = False) -> Refusal | None:
         """Accept a request of a page that is authorised for it; return why not, if that is impossible now.
 
         ``controls``: whether the page has the controls, and so may end the job of another page; starting a job of its own does so.
         """
-        if controls and (ask.verb is PageVerb.VERIFY or ask.verb in _JOBS):
+        if controls and (request.verb is PageVerb.VERIFY or request.verb in _JOBS):
             self.configuring.give_way(page)
-        if ask.verb is PageVerb.KEEP_READING:
-            self.turns.keep(page, ask.objects)
-        elif ask.verb is PageVerb.VERIFY:
-            return self.configuring.busy or self.verifying.begin(page, ask.node)
-        elif ask.verb is PageVerb.VERIFY_END:
+        if request.verb is PageVerb.KEEP_READING:
+            self.turns.keep(page, request.objects)
+        elif request.verb is PageVerb.VERIFY:
+            return self.configuring.busy or self.verifying.begin(page, request.node)
+        elif request.verb is PageVerb.VERIFY_END:
             self.verifying.end()
-        elif ask.verb in _JOBS:
-            return self.verifying.busy or self.configuring.begin(page, _JOBS[ask.verb], ask.node)
-        elif ask.verb is PageVerb.JOB_END:
+        elif request.verb in _JOBS:
+            return self.verifying.busy or self.configuring.begin(page, _JOBS[request.verb], request.node)
+        elif request.verb is PageVerb.JOB_END:
             self.configuring.end(None if controls else page)
-        elif not self.turns.ask(page, _jobs(page, ask)):
+        elif not self.turns.request(page, _jobs(page, request)):
             return _FULL
         return None
 
@@ -88,8 +88,8 @@ class ObjectRequests:
         return self.configuring.now
 
 
-def _jobs(page: int, ask: PageRequest) -> list[ObjectJob]:
+def _jobs(page: int, request: PageRequest) -> list[ObjectJob]:
     wish = None
-    if ask.verb is PageVerb.WRITE_OBJECT:
-        wish = TransferRequest(ask.text, frozenset(ask.values.get("agreed", "").split()))
-    return [ObjectJob(each, page, wish) for each in ask.objects]
+    if request.verb is PageVerb.WRITE_OBJECT:
+        wish = TransferRequest(request.text, frozenset(request.values.get("agreed", "").split()))
+    return [ObjectJob(each, page, wish) for each in request.objects]

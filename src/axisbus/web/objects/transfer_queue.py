@@ -47,12 +47,12 @@ class TransferQueue:
         self._quiet: dict[int, float] = {}
         self._kept_first = False
 
-    def ask(self, page: int, jobs: Sequence[ObjectJob]) -> bool:
+    def request(self, page: int, jobs: Sequence[ObjectJob]) -> bool:
         """Queue transfers of a page; return False, and queue none of them, if too many are waiting."""
-        place = self._pages.setdefault(page, _Page())
-        if len(place.asked) + len(jobs) > WAITING:
+        page_state = self._pages.setdefault(page, _Page())
+        if len(page_state.asked) + len(jobs) > WAITING:
             return False
-        place.asked.extend(jobs)
+        page_state.asked.extend(jobs)
         return True
 
     def keep(self, page: int, keys: Iterable[ObjectKey]) -> None:
@@ -62,12 +62,12 @@ class TransferQueue:
 
     def drop_writes(self, page: int, now: float) -> None:
         """Drop the pending writes of a page, because it has lost the controls."""
-        place = self._pages.get(page)
-        if place is None:
+        page_state = self._pages.get(page)
+        if page_state is None:
             return
-        dropped = [job for job in place.asked if job.wish is not None]
-        place.asked = deque(job for job in place.asked if job.wish is None)
-        place.news.update({(page, job.key): TransferResult(job, now, error=_DROPPED) for job in dropped})
+        dropped = [job for job in page_state.asked if job.wish is not None]
+        page_state.asked = deque(job for job in page_state.asked if job.wish is None)
+        page_state.news.update({(page, job.key): TransferResult(job, now, error=_DROPPED) for job in dropped})
 
     def leave(self, page: int) -> None:
         """Remove a closed page."""
@@ -89,23 +89,23 @@ class TransferQueue:
             self._quiet[job.key.node] = now + QUIET
             self._give_up(job.key.node, seen)
         for_all = job.wish is None or seen.value is not None  # a refused write is reported to its page only
-        for number, place in self._pages.items():
-            if number == job.page or (for_all and job.key in place.kept):
-                place.news[job.page, job.key] = seen
+        for number, page_state in self._pages.items():
+            if number == job.page or (for_all and job.key in page_state.kept):
+                page_state.news[job.page, job.key] = seen
 
     def news(self, page: int) -> list[TransferResult]:
         """Return the results that a page has not received yet."""
-        place = self._pages.get(page)
-        if place is None or not place.news:
+        page_state = self._pages.get(page)
+        if page_state is None or not page_state.news:
             return []
-        found, place.news = list(place.news.values()), {}
+        found, page_state.news = list(page_state.news.values()), {}
         return found
 
     def _of_asked(self) -> ObjectJob | None:
-        for number, place in list(self._pages.items()):
-            if place.asked:
+        for number, page_state in list(self._pages.items()):
+            if page_state.asked:
                 self._pages[number] = self._pages.pop(number)  # so that the other pages come first
-                return place.asked.popleft()
+                return page_state.asked.popleft()
         return None
 
     def _of_kept(self, now: float) -> ObjectJob | None:
@@ -120,13 +120,13 @@ class TransferQueue:
         return self._last.get(key, -math.inf)
 
     def _give_up(self, node: int, seen: TransferResult) -> None:
-        for number, place in self._pages.items():
-            hopeless = [job for job in place.asked if job.key.node == node and job.wish is None]
-            place.asked = deque(job for job in place.asked if job not in hopeless)
-            place.news.update({(number, job.key): replace(seen, job=job) for job in hopeless})
+        for number, page_state in self._pages.items():
+            hopeless = [job for job in page_state.asked if job.key.node == node and job.wish is None]
+            page_state.asked = deque(job for job in page_state.asked if job not in hopeless)
+            page_state.news.update({(number, job.key): replace(seen, job=job) for job in hopeless})
 
     def _kept(self) -> set[ObjectKey]:
-        return {key for place in self._pages.values() for key in place.kept}
+        return {key for page_state in self._pages.values() for key in page_state.kept}
 
     def _tidy(self) -> None:
         kept = self._kept()

@@ -61,7 +61,7 @@ class Trials:
         self._outcomes: dict[int, TrialOutcome] = {}
         self._news: dict[int, Values] = {}
 
-    def ask(self, page: int, act: PageAction, ask: PageRequest, clock: DeadMan, now: float) -> None:
+    def request(self, page: int, act: PageAction, request: PageRequest, clock: DeadMan, now: float) -> None:
         """Check a step, and ask its question, or start the trial if the question was confirmed.
 
         ``clock``: the known offset of the page's clock. A question carries the number that the page gave it, so that a confirmation
@@ -76,10 +76,10 @@ class Trials:
             raise StateError("another trial is running", remedy="wait for its end, or end it")
         facts = self._machine.session.axes[name].parameters
         text = question(step, self._machine[name], facts)
-        if not ask.sure:
-            self._news[page] = {"question": text, "press": ask.press}
+        if not request.sure:
+            self._news[page] = {"question": text, "press": request.press}
             return
-        hold = DeadMan(lag=clock.lag).beaten(ask.press, name, 1.0, ask.sent, now)
+        hold = DeadMan(lag=clock.lag).beaten(request.press, name, 1.0, request.sent, now)
         if not hold.held:
             raise StateError(
                 "the confirmation of a trial came too late: nothing moves", remedy="try it again"
@@ -90,11 +90,11 @@ class Trials:
         self._running = _Running(self._count, page, trial, hold, recording, self._in_error())
         self._tell(self._running)
 
-    def beat(self, page: int, ask: PageRequest, now: float) -> None:
+    def beat(self, page: int, request: PageRequest, now: float) -> None:
         """Note that the page still supervises its trial; a late message does not continue a trial."""
         running = self._running
         if running is not None and running.page == page:
-            running.hold = running.hold.beaten(ask.press, running.trial.step.axis, 1.0, ask.sent, now)
+            running.hold = running.hold.beaten(request.press, running.trial.step.axis, 1.0, request.sent, now)
             if not running.hold.held:
                 self._end(running, SILENT)
 
@@ -250,8 +250,8 @@ class TrialRecording:
 
     def _point(self, now: float, snapshot: Snapshot) -> TrialSample:
         row = self._form.values(sample_of(snapshot))
-        places = (self._actual, _TARGET, _DEMAND, _ERROR)
-        return TrialSample(now, snapshot.state, *(_number(row[place]) for place in places))
+        clients = (self._actual, _TARGET, _DEMAND, _ERROR)
+        return TrialSample(now, snapshot.state, *(_number(row[client]) for client in clients))
 
 
 def _number(value: object) -> float:
