@@ -146,7 +146,7 @@ def test_a_cam_is_read_from_a_file(tmp_path):
     file = tmp_path / "cam.csv"
     file.write_text("\ufeffmaster,slave\n0,0\n\n90,20\n360,0\n", encoding="utf-8")
     cam = Cam.read(file, periodic=True)
-    assert (cam.at(90.0), cam.master_range, cam.lift) == (20.0, (0.0, 360.0), 0.0)
+    assert (cam.at(90.0), cam.master_span, cam.lift) == (20.0, (0.0, 360.0), 0.0)
     with pytest.raises(ArgumentError, match="cannot be read as a cam"):
         Cam.read(tmp_path / "none.csv")
 

@@ -157,7 +157,7 @@ class Cam:
         """
         self.periodic = periodic
         masters, slaves = _columns(points)
-        self.master_range = masters[0], masters[-1]
+        self.master_span = masters[0], masters[-1]
         self._marks = tuple(master - masters[0] for master in masters)
         try:
             self._parts = tuple(parts_of(self._marks, slaves, periodic=periodic))
@@ -196,7 +196,7 @@ class Cam:
 
     def __repr__(self) -> str:
         kind = "periodic, " if self.periodic else ""
-        return f"<Cam {kind}from {self.master_range[0]:g} to {self.master_range[1]:g} of the master>"
+        return f"<Cam {kind}from {self.master_span[0]:g} to {self.master_span[1]:g} of the master>"
 
     @property
     def lift(self) -> float:
@@ -216,10 +216,10 @@ class Cam:
             )
             for p in self._parts
         )
-        period = (self.master_range[1] - self.master_range[0]) * m
+        period = (self.master_span[1] - self.master_span[0]) * m
         marks = tuple(mark * m for mark in self._marks[:-1])
         lift = self._lift * s if self.periodic else None
-        return CamLaw(self.master_range[0] * m - phase, marks, parts, period, lift)
+        return CamLaw(self.master_span[0] * m - phase, marks, parts, period, lift)
 
 
 def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float]]:
