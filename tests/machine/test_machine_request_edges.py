@@ -57,7 +57,7 @@ def test_a_target_is_an_increment_within_the_limits_and_the_object(changes, posi
     assert (found[0] if isinstance(found, tuple) else found) == expected
 
 
-@pytest.mark.parametrize("method", ["place", "distance"])
+@pytest.mark.parametrize("method", ["checked_position", "distance"])
 @pytest.mark.parametrize(
     ("value", "expected"),
     [

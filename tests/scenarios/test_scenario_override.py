@@ -162,7 +162,7 @@ def test_an_override_of_zero_fails_the_move_of_a_drive_whose_halt_coasts(scenari
     from axisbus.cia402.options import Ramp
 
     handle_move = core.activity
-    handle_move._anew._parameters = replace(
+    handle_move._set_point_update._parameters = replace(
         core.parameters, braking=replace(core.parameters.braking, halt=Ramp.COAST)
     )
     cell.x.set_override(0.0).wait()
