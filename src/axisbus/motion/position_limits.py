@@ -25,7 +25,9 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.units import INT32_HALF, INT32_LEAST, wrap
 
-_MOST_STEPS = 1e9  # scan periods; an axis that needs more of them to the end of its range is braked by any deceleration
+_MOST_STEPS = (
+    1e9  # scan periods; an axis that needs more of them to the end of its range is braked by any deceleration
+)
 _END_OF_COUNT = 10  # increments, more than the noise of a position
 
 
@@ -108,7 +110,9 @@ def braking(
     """
     left = max(allowed.high - position if velocity > 0.0 else position - allowed.low, 0.0)
     speed = abs(velocity)
-    if speed * period * _MOST_STEPS <= left or not speed * period:  # at standstill, or far from the end of the range
+    if (
+        speed * period * _MOST_STEPS <= left or not speed * period
+    ):  # at standstill, or far from the end of the range
         return usual
     # In n steps the speed falls to 0 if the deceleration is from v/(n+1)T to v/nT; the distance is T (n v - d T n (n+1) / 2).
     steps = max(1, math.ceil(2.0 * left / (speed * period)))
