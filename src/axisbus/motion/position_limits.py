@@ -25,9 +25,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 from axisbus.motion.moves.profile import braking_distance
 from axisbus.units import INT32_HALF, INT32_LEAST, wrap
 
-_MOST_STEPS = (
-    1e9  # scan periods; an axis that needs more of them to the end of its range is braked by any deceleration
-)
+# Scan periods: an axis that needs more of them to the end of its range is braked by any deceleration.
+_MOST_STEPS = 1e9
 _END_OF_COUNT = 10  # increments, more than the noise of a position
 
 
