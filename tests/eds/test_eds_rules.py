@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Iterable
 
 import pytest
@@ -390,3 +392,16 @@ def test_a_word_that_is_mapped_and_cannot_be_is_an_error_at_the_word() -> None:
     text = edited("6064:PDOMapping=0")
     assert (hit.severity, hit.line) == (Severity.ERROR, place(text, "6064:PDOMapping")[0])
     assert [each.rule for each in found(("6064:PDOMapping=0",))] == ["P004"]
+
+
+def test_the_rules_do_not_depend_on_docstrings():
+    """An interpreter that removes them (-OO) finds the same."""
+    program = "import sys; from axisbus.eds.rules import engine; print(*sorted(engine.LOOKS))"
+    found = [
+        subprocess.run(
+            [sys.executable, *options, "-c", program], capture_output=True, text=True, check=True
+        ).stdout.split()
+        for options in ((), ("-OO",))
+    ]
+    assert found[0] == found[1] == sorted(engine.LOOKS)
+    assert len(found[0]) > 100

@@ -13,14 +13,7 @@ from axisbus.cia402 import dictionary
 from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Number, ObjectType, Severity, Variable
 from axisbus.eds.rules import pdo, standard
-from axisbus.eds.rules.context import (
-    Described,
-    Hit,
-    RuleContext,
-    an,
-    number_of,
-    start_value,
-)
+from axisbus.eds.rules.context import Described, Hit, RuleContext, an, finds, number_of, start_value
 from axisbus.eds.rules.objects import COB_ID_GUARDING
 from axisbus.eds.rules.pdo_parameters import restricted, too_long
 
@@ -39,6 +32,7 @@ _RECORDS = (
 )
 
 
+@finds("C001")
 def no_mandatory(sheet: RuleContext) -> Iterator[Hit]:
     """C001."""
     for index in (o.DEVICE_TYPE, o.ERROR_REGISTER):
@@ -46,6 +40,7 @@ def no_mandatory(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(sheet.where_missing(index), "", f"object {_named(index)} is missing", index)
 
 
+@finds("C008")
 def no_identity(sheet: RuleContext) -> Iterator[Hit]:
     """C008."""
     if o.IDENTITY not in sheet.eds:
@@ -58,6 +53,7 @@ def no_identity(sheet: RuleContext) -> Iterator[Hit]:
         )
 
 
+@finds("C002")
 def object_types(sheet: RuleContext) -> Iterator[Hit]:
     """C002."""
     for index in sheet.heads:
@@ -80,6 +76,7 @@ def wrong_object_type(
         yield sheet.at(head, "objecttype", text, index, severity=severity)
 
 
+@finds("C020")
 def pdo_object_types(sheet: RuleContext) -> Iterator[Hit]:
     """C020."""
     for index in sheet.heads:
@@ -87,6 +84,7 @@ def pdo_object_types(sheet: RuleContext) -> Iterator[Hit]:
             yield from wrong_object_type(sheet, index, ObjectType.RECORD, "CiA 301")
 
 
+@finds("C003")
 def data_types(sheet: RuleContext) -> Iterator[Hit]:
     """C003."""
     for entry, row in _rows(sheet):
@@ -97,6 +95,7 @@ def data_types(sheet: RuleContext) -> Iterator[Hit]:
     yield from sdo_types(sheet)
 
 
+@finds("C004")
 def access(sheet: RuleContext) -> Iterator[Hit]:
     """C004."""
     for entry, row in _rows(sheet):
@@ -107,6 +106,7 @@ def access(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("C021")
 def fixed(sheet: RuleContext) -> Iterator[Hit]:
     """C021."""
     for entry, row in _rows(sheet):
@@ -124,6 +124,7 @@ def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
             yield entry, row
 
 
+@finds("C005")
 def no_device_type(sheet: RuleContext) -> Iterator[Hit]:
     """C005."""
     head = sheet.heads.get(o.DEVICE_TYPE)
@@ -131,6 +132,7 @@ def no_device_type(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at(head, "defaultvalue", f"[{head.name}] has no DefaultValue", o.DEVICE_TYPE)
 
 
+@finds("C006")
 def no_error_control(sheet: RuleContext) -> Iterator[Hit]:
     """C006."""
     guarding = o.GUARD_TIME in sheet.eds and o.LIFE_TIME_FACTOR in sheet.eds
@@ -139,6 +141,7 @@ def no_error_control(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at(sheet.where_missing(o.PRODUCER_HEARTBEAT), "", text, o.PRODUCER_HEARTBEAT)
 
 
+@finds("C007")
 def no_emergency_id(sheet: RuleContext) -> Iterator[Hit]:
     """C007."""
     if o.PREDEFINED_ERROR_FIELD in sheet.eds and o.COB_ID_EMCY not in sheet.eds:
@@ -148,6 +151,7 @@ def no_emergency_id(sheet: RuleContext) -> Iterator[Hit]:
         )
 
 
+@finds("C009")
 def no_sync_id(sheet: RuleContext) -> Iterator[Hit]:
     """C009."""
     if o.COB_ID_SYNC in sheet.eds:
@@ -166,6 +170,7 @@ def _exists(sheet: RuleContext, index: int) -> bool:
     return identifier is not None and not identifier & cob.INVALID
 
 
+@finds("C010")
 def no_cycle_period(sheet: RuleContext) -> Iterator[Hit]:
     """C010."""
     sync = sheet.number(o.COB_ID_SYNC)
@@ -174,6 +179,7 @@ def no_cycle_period(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at(sheet.heads.get(o.COB_ID_SYNC), "defaultvalue", text, o.CYCLE_PERIOD)
 
 
+@finds("C011")
 def half_a_guard(sheet: RuleContext) -> Iterator[Hit]:
     """C011."""
     for here, there in ((o.GUARD_TIME, o.LIFE_TIME_FACTOR), (o.LIFE_TIME_FACTOR, o.GUARD_TIME)):
@@ -182,6 +188,7 @@ def half_a_guard(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(here), "", text, there)
 
 
+@finds("C012")
 def sdo_ids(sheet: RuleContext) -> Iterator[Hit]:
     """C012."""
     for subindex, base in _SDO_IDS.items():
@@ -196,6 +203,7 @@ def sdo_ids(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at_start(_SDO_SERVER, text, subindex)
 
 
+@finds("C013")
 def emergency_id(sheet: RuleContext) -> Iterator[Hit]:
     """C013."""
     entry = sheet.eds.get(o.COB_ID_EMCY)
@@ -208,6 +216,7 @@ def emergency_id(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at_start(o.COB_ID_EMCY, text)
 
 
+@finds("C014")
 def sync_overflow(sheet: RuleContext) -> Iterator[Hit]:
     """C014."""
     value = sheet.number(_OVERFLOW)
@@ -215,6 +224,7 @@ def sync_overflow(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at_start(_OVERFLOW, f"[1019] is {value}, the allowed values are 0 and 2 to 240")
 
 
+@finds("C015")
 def no_store_format(sheet: RuleContext) -> Iterator[Hit]:
     """C015."""
     if _STORE_EDS in sheet.eds and _STORE_FORMAT not in sheet.eds:
@@ -250,6 +260,7 @@ _SERVICES: Mapping[int, _Service] = {
 }
 
 
+@finds("C016")
 def identifiers(sheet: RuleContext) -> Iterator[Hit]:
     """C016."""
     for index, service in _SERVICES.items():
@@ -302,6 +313,7 @@ def _sdo_entries(sheet: RuleContext) -> Iterator[Variable]:
             yield from entry.subs.values()
 
 
+@finds("C017")
 def sdo_without_ids(sheet: RuleContext) -> Iterator[Hit]:
     """C017."""
     for index, entry in sheet.eds.objects.items():

@@ -12,7 +12,7 @@ from axisbus.cia402.dictionary import StandardObject
 from axisbus.eds.model import Number, ObjectType, Severity
 from axisbus.eds.rules import pdo, standard
 from axisbus.eds.rules.cia301 import wrong_object_type
-from axisbus.eds.rules.context import Described, Hit, RuleContext
+from axisbus.eds.rules.context import Described, Hit, RuleContext, finds
 from axisbus.eds.rules.drive import axes
 
 # Defined reactions (CiA 402-2 8.4); negative ones are the maker's.
@@ -30,6 +30,7 @@ _NEEDED_ENTRIES = tuple(
 _TARGETS_BOTH_WAYS = (o.TARGET_POSITION, o.TARGET_VELOCITY, o.TARGET_TORQUE)
 
 
+@finds("M002")
 def data_types(sheet: RuleContext) -> Iterator[Hit]:
     """M002."""
     for entry, row in _rows(sheet):
@@ -41,6 +42,7 @@ def data_types(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("M003")
 def object_types(sheet: RuleContext) -> Iterator[Hit]:
     """M003."""
     for axis in axes(sheet):
@@ -51,6 +53,7 @@ def object_types(sheet: RuleContext) -> Iterator[Hit]:
                 yield from wrong_object_type(sheet, index, wanted, "CiA 402", _mild(whole.sure))
 
 
+@finds("M004")
 def access(sheet: RuleContext) -> Iterator[Hit]:
     """M004."""
     for entry, row in _rows(sheet):
@@ -61,6 +64,7 @@ def access(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.on(entry, "accesstype", text, _mild(row.sure))
 
 
+@finds("M005")
 def mappable(sheet: RuleContext) -> Iterator[Hit]:
     """M005."""
     mapped = {slot.mapped.index for slot in pdo.slots(sheet)}  # P004 reports these
@@ -71,6 +75,7 @@ def mappable(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.on(entry, "pdomapping", f"cannot be mapped into a PDO ({row.name})")
 
 
+@finds("M014")
 def no_sub_index(sheet: RuleContext) -> Iterator[Hit]:
     """M014."""
     for axis in axes(sheet):
@@ -84,6 +89,7 @@ def no_sub_index(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at(head, "", text, entry.index, subindex, _mild(row.sure))
 
 
+@finds("M007")
 def profile_number(sheet: RuleContext) -> Iterator[Hit]:
     """M007."""
     device_type = sheet.number(DEVICE_TYPE)
@@ -93,6 +99,7 @@ def profile_number(sheet: RuleContext) -> Iterator[Hit]:
     yield sheet.at_start(DEVICE_TYPE, text)
 
 
+@finds("M015")
 def reactions(sheet: RuleContext) -> Iterator[Hit]:
     """M015."""
     for axis in axes(sheet):
@@ -103,6 +110,7 @@ def reactions(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at_start(at, f"[{at:04X}] is {value}, which CiA 402 does not define")
 
 
+@finds("M016")
 def coasting(sheet: RuleContext) -> Iterator[Hit]:
     """M016."""
     for axis in axes(sheet):
@@ -112,6 +120,7 @@ def coasting(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at_start(at, f"[{at:04X}] is 0: {what} leaves the motor to coast")
 
 
+@finds("M021")
 def crossed_ranges(sheet: RuleContext) -> Iterator[Hit]:
     """M021."""
     for axis in axes(sheet):
@@ -122,6 +131,7 @@ def crossed_ranges(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at_start(at, f"[{at:04X}sub1] is {low}, above sub-index 2 ({high})", 1)
 
 
+@finds("M017")
 def one_way(sheet: RuleContext) -> Iterator[Hit]:
     """M017."""
     for axis in axes(sheet):

@@ -235,6 +235,18 @@ class RuleContext:
 
 
 Look = Callable[[RuleContext], Iterable[Hit]]  # the function of a rule
+LOOKS: dict[str, Look] = {}  # those of all families that were imported, by the id of their rule
+
+
+def finds(rule: str) -> Callable[[Look], Look]:
+    """Mark a function as the one that looks for the breaches of a rule, by the id of the rule; each rule has one."""
+
+    def mark(look: Look) -> Look:
+        if LOOKS.setdefault(rule, look) is not look:
+            raise ValueError(f"two functions look for {rule}")
+        return look
+
+    return mark
 
 
 def list_of(index: int) -> str:

@@ -8,7 +8,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.cia301.objects import is_pdo_mapping
 from axisbus.eds.concise import take_apart
 from axisbus.eds.model import BAUD_RATES, ObjectType
-from axisbus.eds.rules.context import Described, Hit, RuleContext, number, short
+from axisbus.eds.rules.context import Described, Hit, RuleContext, finds, number, short
 from axisbus.wording import counted
 
 _LENGTHS = {"NodeName": 246, "NetworkName": 243}
@@ -18,12 +18,14 @@ _FILES = ("UploadFile", "DownloadFile")
 MAX_NAME = 241
 
 
+@finds("K002")
 def no_commissioning(sheet: RuleContext) -> Iterator[Hit]:
     """K002."""
     if sheet.named_dcf and sheet.commissioning is None:
         yield Hit(0, 0, "the file is called a DCF, but there is no section [DeviceComissioning]")
 
 
+@finds("K004")
 def baud_rate(sheet: RuleContext) -> Iterator[Hit]:
     """K004."""
     section = sheet.commissioning
@@ -33,6 +35,7 @@ def baud_rate(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at(section, "baudrate", f"[{section.name}] {what}")
 
 
+@finds("K014")
 def unsupported_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
     """K014."""
     rate = number(sheet.commissioning, "baudrate")
@@ -42,6 +45,7 @@ def unsupported_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
         )
 
 
+@finds("K005")
 def read_only_values(sheet: RuleContext) -> Iterator[Hit]:
     """K005."""
     for entry in sheet.described:
@@ -53,6 +57,7 @@ def read_only_values(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.on(entry, "parametervalue", text)
 
 
+@finds("K006")
 def files_of_others(sheet: RuleContext) -> Iterator[Hit]:
     """K006."""
     for entry in sheet.described:
@@ -64,6 +69,7 @@ def files_of_others(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.on(entry, name, f"{name} belongs to a DOMAIN, this is {variable.data_type.name}")
 
 
+@finds("K007")
 def values_in_an_eds(sheet: RuleContext) -> Iterator[Hit]:
     """K007."""
     if sheet.is_dcf:
@@ -74,21 +80,25 @@ def values_in_an_eds(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.on(found[0], "parametervalue", f"has a ParameterValue{others}, but this is not a DCF")
 
 
+@finds("K008")
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """K008."""
     yield from sheet.overlong(sheet.commissioning, _LENGTHS)
 
 
+@finds("K009")
 def network_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """K009."""
     return sheet.beyond(sheet.commissioning, _U32, _MAX_U32, "is not an UNSIGNED32")
 
 
+@finds("K015")
 def manager_flag(sheet: RuleContext) -> Iterator[Hit]:
     """K015."""
     return sheet.flags(sheet.commissioning, ["CANopenManager"])
 
 
+@finds("K013")
 def long_denotations(sheet: RuleContext) -> Iterator[Hit]:
     """K013."""
     for entry in sheet.described:
@@ -107,6 +117,7 @@ def long_denotations(sheet: RuleContext) -> Iterator[Hit]:
 CONCISE_DCF, VERIFY = 0x1F22, 0x1020
 
 
+@finds("K010")
 def wrong_count(sheet: RuleContext) -> Iterator[Hit]:
     """K010."""
     for entry, key, data in _streams(sheet):
@@ -120,6 +131,7 @@ def wrong_count(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("K011")
 def order_of_mapping(sheet: RuleContext) -> Iterator[Hit]:
     """K011."""
     for entry, key, data in _streams(sheet):
@@ -140,6 +152,7 @@ def order_of_mapping(sheet: RuleContext) -> Iterator[Hit]:
                 break
 
 
+@finds("K012")
 def verification_last(sheet: RuleContext) -> Iterator[Hit]:
     """K012."""
     for entry, key, data in _streams(sheet):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.model import BAUD_RATES, DUMMIES
-from axisbus.eds.rules.context import Hit, RuleContext, number, short, text_of
+from axisbus.eds.rules.context import Hit, RuleContext, finds, number, short, text_of
 from axisbus.wording import counted
 
 _IDENTITY = ("VendorNumber", "ProductNumber", "RevisionNumber")
@@ -28,6 +28,7 @@ _COMMENT_LINE = re.compile(r"line[1-9][0-9]*")
 MAX_COMMENT = 249
 
 
+@finds("D001")
 def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     """D001."""
     if sheet.device is None:
@@ -35,6 +36,7 @@ def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     yield from sheet.absent(sheet.device, _NEEDED)
 
 
+@finds("D002")
 def missing_identity(sheet: RuleContext) -> Iterator[Hit]:
     """D002."""
     if sheet.device is None:
@@ -45,6 +47,7 @@ def missing_identity(sheet: RuleContext) -> Iterator[Hit]:
             yield _at(sheet, name, f"{name} {what}")
 
 
+@finds("D003")
 def zero_identity(sheet: RuleContext) -> Iterator[Hit]:
     """D003."""
     for name in ("VendorNumber", "ProductNumber"):
@@ -52,6 +55,7 @@ def zero_identity(sheet: RuleContext) -> Iterator[Hit]:
             yield _at(sheet, name, f"{name} is 0")
 
 
+@finds("D004")
 def other_identity(sheet: RuleContext) -> Iterator[Hit]:
     """D004."""
     for subindex, name in enumerate(_IDENTITY, 1):
@@ -61,22 +65,26 @@ def other_identity(sheet: RuleContext) -> Iterator[Hit]:
             yield _at(sheet, name, text, 0x1018, subindex)
 
 
+@finds("D009")
 def identity_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """D009."""
     return sheet.beyond(sheet.device, _IDENTITY, _MAX_U32, "is not an UNSIGNED32")
 
 
+@finds("D005")
 def flags(sheet: RuleContext) -> Iterator[Hit]:
     """D005."""
     return sheet.flags(sheet.device, _FLAGS)
 
 
+@finds("D014")
 def granularity(sheet: RuleContext) -> Iterator[Hit]:
     """D014."""
     what = f"is not in 0 to {_MAX_GRANULARITY}"
     return sheet.beyond(sheet.device, ["Granularity"], _MAX_GRANULARITY, what)
 
 
+@finds("D006")
 def pdo_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """D006."""
     for name, first in (("NrOfRXPDO", 0x1400), ("NrOfTXPDO", 0x1800)):
@@ -92,11 +100,13 @@ def pdo_numbers(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("D007")
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """D007."""
     yield from sheet.overlong(sheet.device, _LENGTHS)
 
 
+@finds("D008")
 def no_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
     """D008."""
     if sheet.device is None:
@@ -105,11 +115,13 @@ def no_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
         yield _at(sheet, _RATES[0], "no bit rate is supported, by BaudRate_10 to BaudRate_1000")
 
 
+@finds("D010")
 def baud_rate_values(sheet: RuleContext) -> Iterator[Hit]:
     """D010."""
     return sheet.flags(sheet.device, _RATES)
 
 
+@finds("D011")
 def unknown_baud_rates(sheet: RuleContext) -> Iterator[Hit]:
     """D011."""
     known = {name.lower() for name in _RATES}
@@ -122,6 +134,7 @@ def unknown_baud_rates(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("D012")
 def baud_rate_letters(sheet: RuleContext) -> Iterator[Hit]:
     """D012."""
     if sheet.device is None:
@@ -135,6 +148,7 @@ def baud_rate_letters(sheet: RuleContext) -> Iterator[Hit]:
                 return
 
 
+@finds("D013")
 def dynamic_channels(sheet: RuleContext) -> Iterator[Hit]:
     """D013."""
     supported = number(sheet.device, "dynamicchannelssupported")
@@ -143,12 +157,14 @@ def dynamic_channels(sheet: RuleContext) -> Iterator[Hit]:
         yield _at(sheet, "dynamicchannelssupported", text)
 
 
+@finds("D015")
 def compact_pdo(sheet: RuleContext) -> Iterator[Hit]:
     """D015."""
     what = "is not a mask of the sub-indices 1 to 6"
     return sheet.beyond(sheet.device, ["CompactPDO"], _COMPACT_PARTS, what)
 
 
+@finds("D016")
 def dummy_usage(sheet: RuleContext) -> Iterator[Hit]:
     """D016."""
     section = sheet.section("dummyusage")
@@ -161,6 +177,7 @@ def dummy_usage(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, key, f"{key.capitalize()}={short(text)} is neither 0 nor 1")
 
 
+@finds("D019")
 def dummies_left_out(sheet: RuleContext) -> Iterator[Hit]:
     """D019."""
     section = sheet.section("dummyusage")
@@ -168,6 +185,7 @@ def dummies_left_out(sheet: RuleContext) -> Iterator[Hit]:
         yield from sheet.absent(section, [f"Dummy{number:04X}" for number in DUMMIES])
 
 
+@finds("D017")
 def comment_count(sheet: RuleContext) -> Iterator[Hit]:
     """D017."""
     section = sheet.section("comments")
@@ -179,6 +197,7 @@ def comment_count(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at(section, "lines", f"[Comments] says Lines={short(given)}, but has {lines}")
 
 
+@finds("D018")
 def comment_length(sheet: RuleContext) -> Iterator[Hit]:
     """D018."""
     section = sheet.section("comments")

@@ -1,17 +1,15 @@
 """Run all rules for one parse result, and sort their findings.
 
-The families of rules are other modules of this package. A function whose docstring begins with the id of a rule looks for the
+The families of rules are other modules of this package. A function that is marked with the id of a rule (``finds``) looks for the
 breaches of this rule: it takes a ``RuleContext`` and yields ``Hit``s. The reader's own findings (``Eds.findings``) have the same
 form and are added here.
 """
 
 from __future__ import annotations
 
-import re
 from bisect import bisect_right
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
-from inspect import isfunction
 
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
@@ -36,7 +34,7 @@ from axisbus.eds.rules import (
     text,
     truncated_file,
 )
-from axisbus.eds.rules.context import Hit, Look, RuleContext
+from axisbus.eds.rules.context import LOOKS, Hit, RuleContext
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.wording import counted
@@ -45,33 +43,11 @@ MAX_OF_A_RULE = 10_000  # a file of random data must not fill the memory
 MORE, UNREADABLE = "S099", "S000"
 
 
+# The families register their functions when they are imported.
 _FAMILIES = (
-    *(
-        text,
-        truncated_file,
-        fileinfo,
-        deviceinfo,
-        lists,
-        objects,
-        records,
-        pdo,
-        pdo_parameters,
-    ),
+    *(text, truncated_file, fileinfo, deviceinfo, lists, objects, records, pdo, pdo_parameters),
     *(cia301, cia402, modes, dcf, modules),
 )
-_RULE_ID = re.compile(r"[A-Z][0-9]{3}[a-z]?\b")
-
-
-def _functions_of_rules() -> Iterator[tuple[str, Look]]:
-    for family in _FAMILIES:
-        for function in vars(family).values():
-            if isfunction(function) and function.__module__ == family.__name__:
-                rule = _RULE_ID.match(function.__doc__ or "")
-                if rule is not None:
-                    yield rule[0], function
-
-
-LOOKS: dict[str, Look] = dict(_functions_of_rules())
 
 
 def check(reading: EdsParseResult, wanted: Callable[[str], bool]) -> tuple[EdsFinding, ...]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from datetime import date
 from pathlib import PurePath, PureWindowsPath
 
-from axisbus.eds.rules.context import Hit, RuleContext, short, text_of
+from axisbus.eds.rules.context import Hit, RuleContext, finds, short, text_of
 
 _TIME = re.compile(r"(?:0?[0-9]|1[0-2]):[0-5][0-9](?:AM|PM)")
 _DATE = re.compile(r"([0-9]{2})-([0-9]{2})-([0-9]{4})")
@@ -24,6 +24,7 @@ _TIMES = ("CreationTime", "ModificationTime")
 _DATES = ("CreationDate", "ModificationDate")
 
 
+@finds("F001")
 def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     """F001."""
     if sheet.file_info is None:
@@ -31,11 +32,13 @@ def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
     yield from sheet.absent(sheet.file_info, _NEEDED)
 
 
+@finds("F011")
 def usual_entries(sheet: RuleContext) -> Iterator[Hit]:
     """F011."""
     yield from sheet.absent(sheet.file_info, _USUAL)
 
 
+@finds("F002")
 def other_name(sheet: RuleContext) -> Iterator[Hit]:
     """F002."""
     given = _entry(sheet, "filename")
@@ -45,6 +48,7 @@ def other_name(sheet: RuleContext) -> Iterator[Hit]:
         yield _at(sheet, "filename", f"FileName={short(given)}, but the file is {actual}")
 
 
+@finds("F010")
 def absolute_name(sheet: RuleContext) -> Iterator[Hit]:
     """F010."""
     given = _entry(sheet, "filename")
@@ -52,11 +56,13 @@ def absolute_name(sheet: RuleContext) -> Iterator[Hit]:
         yield _at(sheet, "filename", f"FileName={short(given)} is a path of the computer it was written on")
 
 
+@finds("F003")
 def version_numbers(sheet: RuleContext) -> Iterator[Hit]:
     """F003."""
     return sheet.beyond(sheet.file_info, ("FileVersion", "FileRevision"), 0xFF, "is not an UNSIGNED8")
 
 
+@finds("F004")
 def dates(sheet: RuleContext) -> Iterator[Hit]:
     """F004."""
     for name in _DATES:
@@ -65,6 +71,7 @@ def dates(sheet: RuleContext) -> Iterator[Hit]:
             yield _at(sheet, name, f"{name}={short(given)} is not a date of the form mm-dd-yyyy")
 
 
+@finds("F005")
 def times(sheet: RuleContext) -> Iterator[Hit]:
     """F005."""
     for name in _TIMES:
@@ -73,11 +80,13 @@ def times(sheet: RuleContext) -> Iterator[Hit]:
             yield _at(sheet, name, f"{name}={short(given)} is not a time of the form hh:mm(AM|PM)")
 
 
+@finds("F006")
 def lengths(sheet: RuleContext) -> Iterator[Hit]:
     """F006."""
     yield from sheet.overlong(sheet.file_info, _LENGTHS)
 
 
+@finds("F007")
 def order_of_dates(sheet: RuleContext) -> Iterator[Hit]:
     """F007."""
     created, modified = (_date(_entry(sheet, key)) for key in _DATES)
@@ -87,6 +96,7 @@ def order_of_dates(sheet: RuleContext) -> Iterator[Hit]:
         )
 
 
+@finds("F008")
 def origin(sheet: RuleContext) -> Iterator[Hit]:
     """F008."""
     section = sheet.file_info
@@ -96,6 +106,7 @@ def origin(sheet: RuleContext) -> Iterator[Hit]:
         )
 
 
+@finds("F009")
 def eds_version(sheet: RuleContext) -> Iterator[Hit]:
     """F009."""
     given = _entry(sheet, "edsversion")

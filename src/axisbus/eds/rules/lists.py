@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.eds.io import values
 from axisbus.eds.io.new_file import FIRST_OBJECT
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.context import LISTS, Hit, RuleContext, list_of, short
+from axisbus.eds.rules.context import LISTS, Hit, RuleContext, finds, list_of, short
 from axisbus.wording import counted
 
 
@@ -21,6 +21,7 @@ class Listed(NamedTuple):
     target: int | None
 
 
+@finds("L001")
 def missing_lists(sheet: RuleContext) -> Iterator[Hit]:
     """L001."""
     for name, spelled in LISTS.items():
@@ -37,6 +38,7 @@ def missing_lists(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "", f"[{section.name}] has no SupportedObjects")
 
 
+@finds("L003")
 def counts(sheet: RuleContext) -> Iterator[Hit]:
     """L003."""
     for section in _lists(sheet):
@@ -49,6 +51,7 @@ def counts(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at(section, "supportedobjects", text)
 
 
+@finds("L004")
 def numbering(sheet: RuleContext) -> Iterator[Hit]:
     """L004."""
     for section in _lists(sheet):
@@ -59,6 +62,7 @@ def numbering(sheet: RuleContext) -> Iterator[Hit]:
                 break
 
 
+@finds("L009")
 def no_objects(sheet: RuleContext) -> Iterator[Hit]:
     """L009."""
     for listed in _all(sheet):
@@ -67,6 +71,7 @@ def no_objects(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(listed.section, listed.key, text)
 
 
+@finds("L005")
 def not_described(sheet: RuleContext) -> Iterator[Hit]:
     """L005."""
     for section in _lists(sheet):
@@ -78,6 +83,7 @@ def not_described(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at(section, listed.key, text + meant, listed.target)
 
 
+@finds("L006")
 def not_listed(sheet: RuleContext) -> Iterator[Hit]:
     """L006."""
     for section in _lists(sheet):
@@ -112,6 +118,7 @@ def _slips(sheet: RuleContext, section: Section) -> int:
     return slips
 
 
+@finds("L007")
 def listed_twice(sheet: RuleContext) -> Iterator[Hit]:
     """L007."""
     first: dict[int, Listed] = {}
@@ -125,6 +132,7 @@ def listed_twice(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(listed.section, listed.key, text, listed.target)
 
 
+@finds("L008")
 def wrong_list(sheet: RuleContext) -> Iterator[Hit]:
     """L008."""
     for listed in _all(sheet):
@@ -167,6 +175,7 @@ _COUNTED = ("name", "value", "denotation")
 _LINKS = "objectlinks"
 
 
+@finds("B001")
 def both_forms(sheet: RuleContext) -> Iterator[Hit]:
     """B001."""
     for index, head in sheet.heads.items():
@@ -177,6 +186,7 @@ def both_forms(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(head, "subnumber", text, index)
 
 
+@finds("B002")
 def compact_counts(sheet: RuleContext) -> Iterator[Hit]:
     """B002."""
     for (index, kind), section in sheet.reading.parts.beside.items():
@@ -184,6 +194,7 @@ def compact_counts(sheet: RuleContext) -> Iterator[Hit]:
             yield from sheet.miscounted(section, "NrOfEntries", index)
 
 
+@finds("B003")
 def link_counts(sheet: RuleContext) -> Iterator[Hit]:
     """B003."""
     for (index, kind), section in sheet.reading.parts.beside.items():
@@ -191,6 +202,7 @@ def link_counts(sheet: RuleContext) -> Iterator[Hit]:
             yield from sheet.miscounted(section, "ObjectLinks", index)
 
 
+@finds("B004")
 def link_targets(sheet: RuleContext) -> Iterator[Hit]:
     """B004."""
     for (index, kind), section in sheet.reading.parts.beside.items():
@@ -205,6 +217,7 @@ def link_targets(sheet: RuleContext) -> Iterator[Hit]:
                 )
 
 
+@finds("O013")
 def names_beyond(sheet: RuleContext) -> Iterator[Hit]:
     """O013, for names; the reader reports it for values and denotations."""
     for (index, kind), section in sheet.reading.parts.beside.items():
@@ -216,6 +229,7 @@ def names_beyond(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at(section, key, f"[{section.name}] names sub-index {short(key, 20)}", index)
 
 
+@finds("B005")
 def foreign_lists(sheet: RuleContext) -> Iterator[Hit]:
     """B005."""
     for (index, _), section in sheet.reading.parts.beside.items():

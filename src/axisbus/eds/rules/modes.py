@@ -10,7 +10,7 @@ from axisbus.cia402 import objects as o
 from axisbus.cia402.homing import METHODS
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.model import Severity
-from axisbus.eds.rules.context import Hit, RuleContext, start_key
+from axisbus.eds.rules.context import Hit, RuleContext, finds, start_key
 from axisbus.eds.rules.drive import ALONE, TARGETS, EdsAxis, axes, claimed, meant, missing, says_drive, shown
 from axisbus.wording import counted
 
@@ -32,6 +32,7 @@ _ONE_OF_SEVERAL = (o.MODES_OF_OPERATION, o.MODES_OF_OPERATION_DISPLAY)
 _SINGLE_DEVICE_TYPE = 0x67FF
 
 
+@finds("M001")
 def no_words(sheet: RuleContext) -> Iterator[Hit]:
     """M001."""
     for axis in axes(sheet) if says_drive(sheet) else ():
@@ -43,6 +44,7 @@ def no_words(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at(sheet.heads.get(DEVICE_TYPE), key, text, axis.offset + index)
 
 
+@finds("M001c")
 def missing_objects(sheet: RuleContext) -> Iterator[Hit]:
     """M001c."""
     for axis in axes(sheet):
@@ -60,6 +62,7 @@ def missing_objects(sheet: RuleContext) -> Iterator[Hit]:
                 yield _at_claim(sheet, axis, text, index)
 
 
+@finds("M008")
 def empty_claims(sheet: RuleContext) -> Iterator[Hit]:
     """M008."""
     for axis in axes(sheet):
@@ -70,6 +73,7 @@ def empty_claims(sheet: RuleContext) -> Iterator[Hit]:
                 yield _at_claim(sheet, axis, text)
 
 
+@finds("M009")
 def unclaimed(sheet: RuleContext) -> Iterator[Hit]:
     """M009."""
     for axis in axes(sheet):
@@ -81,6 +85,7 @@ def unclaimed(sheet: RuleContext) -> Iterator[Hit]:
             yield _at_claim(sheet, axis, text)
 
 
+@finds("M006")
 def no_supported_modes(sheet: RuleContext) -> Iterator[Hit]:
     """M006."""
     for axis in axes(sheet):
@@ -95,6 +100,7 @@ def no_supported_modes(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.at(section or sheet.where_missing(index), "", text, index)
 
 
+@finds("M018")
 def half_a_mode(sheet: RuleContext) -> Iterator[Hit]:
     """M018."""
     for axis in axes(sheet):
@@ -123,6 +129,7 @@ def _lonely_targets(sheet: RuleContext, axis: EdsAxis) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(there), "", f"{_named(axis, target)} is there, but {wants}", there)
 
 
+@finds("M010")
 def reserved_bits(sheet: RuleContext) -> Iterator[Hit]:
     """M010."""
     for axis in axes(sheet):
@@ -133,6 +140,7 @@ def reserved_bits(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("M011")
 def unsupported_default(sheet: RuleContext) -> Iterator[Hit]:
     """M011."""
     for axis in axes(sheet):
@@ -159,6 +167,7 @@ def _wrong_mode(
     return "" if meant(sheet, axis, mode) else "without any object"
 
 
+@finds("M020")
 def no_mode_display(sheet: RuleContext) -> Iterator[Hit]:
     """M020."""
     for axis in axes(sheet):
@@ -169,6 +178,7 @@ def no_mode_display(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(mode), "", f"{here} is there without {there}", display)
 
 
+@finds("M019")
 def homing_methods(sheet: RuleContext) -> Iterator[Hit]:
     """M019."""
     for axis in axes(sheet):
@@ -178,6 +188,7 @@ def homing_methods(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at_start(index, f"[{index:04X}] is {method}, which is not a homing method of CiA 402")
 
 
+@finds("M012")
 def usual_objects(sheet: RuleContext) -> Iterator[Hit]:
     """M012."""
     for axis in axes(sheet):
@@ -191,6 +202,7 @@ def usual_objects(sheet: RuleContext) -> Iterator[Hit]:
             yield _at_claim(sheet, axis, text, index)
 
 
+@finds("M013")
 def no_axis_type(sheet: RuleContext) -> Iterator[Hit]:
     """M013."""
     found = axes(sheet)

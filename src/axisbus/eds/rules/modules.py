@@ -7,13 +7,14 @@ from collections.abc import Iterator
 
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
-from axisbus.eds.rules.context import Hit, RuleContext, number, short
+from axisbus.eds.rules.context import Hit, RuleContext, finds, number, short
 
 _OF_MODULE = re.compile(r"m([0-9]+)(moduleinfo|comments|fixedobjects|subextends|fixed.*|subext.*)")
 _INFO = ("ProductName", "ProductVersion", "ProductRevision", "OrderCode")
 _EXTENSION_COUNT = re.compile(r"(?:0[xX][0-9A-Fa-f]+|[0-9]+)(?:\s*;\s*(?:0[xX][0-9A-Fa-f]+|[0-9]+))?")
 
 
+@finds("X001")
 def missing_modules(sheet: RuleContext) -> Iterator[Hit]:
     """X001."""
     section = sheet.section("supportedmodules")
@@ -32,6 +33,7 @@ def missing_modules(sheet: RuleContext) -> Iterator[Hit]:
             break
 
 
+@finds("X002")
 def foreign_modules(sheet: RuleContext) -> Iterator[Hit]:
     """X002."""
     count = number(sheet.section("supportedmodules"), "nrofentries") or 0
@@ -43,6 +45,7 @@ def foreign_modules(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("X003")
 def module_info(sheet: RuleContext) -> Iterator[Hit]:
     """X003."""
     for _, section in _of_kind(sheet, "moduleinfo"):
@@ -51,6 +54,7 @@ def module_info(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "", f"[{section.name}] has no {', '.join(absent)}")
 
 
+@finds("X004")
 def counts(sheet: RuleContext) -> Iterator[Hit]:
     """X004."""
     lists = [section for kind in ("fixedobjects", "subextends") for _, section in _of_kind(sheet, kind)]
@@ -59,6 +63,7 @@ def counts(sheet: RuleContext) -> Iterator[Hit]:
         yield from sheet.miscounted(section, "NrOfEntries")
 
 
+@finds("X005")
 def missing_parts(sheet: RuleContext) -> Iterator[Hit]:
     """X005."""
     for kind, part in (("fixedobjects", "Fixed"), ("subextends", "SubExt")):
@@ -70,6 +75,7 @@ def missing_parts(sheet: RuleContext) -> Iterator[Hit]:
                     yield sheet.at(section, key, message, index)
 
 
+@finds("X006")
 def extension_counts(sheet: RuleContext) -> Iterator[Hit]:
     """X006."""
     for name, section in sheet.document.sections.items():
@@ -82,6 +88,7 @@ def extension_counts(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "count", text)
 
 
+@finds("X007")
 def unknown_connected(sheet: RuleContext) -> Iterator[Hit]:
     """X007."""
     connected = sheet.section("connectedmodules")

@@ -11,7 +11,7 @@ from axisbus.eds.io import values
 from axisbus.eds.io.text import Section
 from axisbus.eds.io.values import Default, Limit
 from axisbus.eds.model import Number, ObjectType, Variable
-from axisbus.eds.rules.context import Described, Hit, RuleContext, short
+from axisbus.eds.rules.context import Described, Hit, RuleContext, finds, short
 from axisbus.wording import counted
 
 MAX_NAME = 241
@@ -25,6 +25,7 @@ _ACTIONS = (
 _LIMITS = ("LowLimit", "HighLimit")
 
 
+@finds("O027")
 def shared_names(sheet: RuleContext) -> Iterator[Hit]:
     """O027."""
     seen: dict[str, int] = {}
@@ -36,6 +37,7 @@ def shared_names(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(head, "parametername", text, entry.index)
 
 
+@finds("O015")
 def long_names(sheet: RuleContext) -> Iterator[Hit]:
     """O015."""
     for section, index, subindex in _all(sheet):
@@ -45,6 +47,7 @@ def long_names(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "parametername", text, index, subindex)
 
 
+@finds("O021")
 def empty_names(sheet: RuleContext) -> Iterator[Hit]:
     """O021."""
     for section, index, subindex in _all(sheet):
@@ -52,6 +55,7 @@ def empty_names(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "parametername", f"[{section.name}] has an empty name", index, subindex)
 
 
+@finds("O016")
 def mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
     """O016."""
     for entry in sheet.described:
@@ -60,6 +64,7 @@ def mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.on(entry, "pdomapping", f"PDOMapping={short(given)} is neither 0 nor 1")
 
 
+@finds("O020")
 def no_mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
     """O020."""
     for entry in sheet.described:
@@ -70,6 +75,7 @@ def no_mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.on(entry, "", "has no PDOMapping")
 
 
+@finds("O017")
 def record_keys_on_var(sheet: RuleContext) -> Iterator[Hit]:
     """O017."""
     for entry in sheet.described:
@@ -79,6 +85,7 @@ def record_keys_on_var(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.on(entry, name, f"{name} does not belong to a {entry.variable.object_type.name}")
 
 
+@finds("O018")
 def domain_keys(sheet: RuleContext) -> Iterator[Hit]:
     """O018."""
     for entry in sheet.described:
@@ -91,6 +98,7 @@ def domain_keys(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.on(entry, name, f"{name} does not belong to a DOMAIN")
 
 
+@finds("O019")
 def letters_of_access(sheet: RuleContext) -> Iterator[Hit]:
     """O019."""
     for entry in sheet.described:
@@ -101,6 +109,7 @@ def letters_of_access(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("O028")
 def unguarded_actions(sheet: RuleContext) -> Iterator[Hit]:
     """O028."""
     for index in _ACTIONS:
@@ -114,6 +123,7 @@ def unguarded_actions(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "", text, index, bare[0].subindex)
 
 
+@finds("O029")
 def unknown_flags(sheet: RuleContext) -> Iterator[Hit]:
     """O029."""
     for entry in sheet.described:
@@ -123,6 +133,7 @@ def unknown_flags(sheet: RuleContext) -> Iterator[Hit]:
             )
 
 
+@finds("O031")
 def no_object_type(sheet: RuleContext) -> Iterator[Hit]:
     """O031."""
     bare = [entry for entry in sheet.described if not entry.section.entries.get("objecttype")]
@@ -131,6 +142,7 @@ def no_object_type(sheet: RuleContext) -> Iterator[Hit]:
         yield sheet.on(bare[0], "", f"has no ObjectType, VAR is meant{more}")
 
 
+@finds("O032")
 def unknown_types(sheet: RuleContext) -> Iterator[Hit]:
     """O032."""
     for entry in sheet.described:
@@ -169,6 +181,7 @@ NODE_COB_IDS = {
 }
 
 
+@finds("V003")
 def beyond_limits(sheet: RuleContext) -> Iterator[Hit]:
     """V003."""
     for entry in sheet.described:
@@ -207,6 +220,7 @@ def _plain(value: Limit) -> float:
     return value.value if isinstance(value, Number) else value or 0.0
 
 
+@finds("V008")
 def limits_of_texts(sheet: RuleContext) -> Iterator[Hit]:
     """V008."""
     for entry in sheet.described:
@@ -217,6 +231,7 @@ def limits_of_texts(sheet: RuleContext) -> Iterator[Hit]:
                     break
 
 
+@finds("V016")
 def formula_too_large(sheet: RuleContext) -> Iterator[Hit]:
     """V016."""
     for entry in sheet.described:
@@ -230,6 +245,7 @@ def formula_too_large(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.on(entry, name, text)
 
 
+@finds("V007")
 def built_in_node_id(sheet: RuleContext) -> Iterator[Hit]:
     """V007."""
     for entry, base, value in _node_cob_ids(sheet):
@@ -240,6 +256,7 @@ def built_in_node_id(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.on(entry, "defaultvalue", text)
 
 
+@finds("V019")
 def no_node_id(sheet: RuleContext) -> Iterator[Hit]:
     """V019."""
     for entry, base, value in _node_cob_ids(sheet):

@@ -13,7 +13,7 @@ from axisbus.cia402.axes import first_axis
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import RPDO_ACCESS, TPDO_ACCESS, Object, Severity, Variable
 from axisbus.eds.rules import drive, standard
-from axisbus.eds.rules.context import Hit, RuleContext, number_of, start_value
+from axisbus.eds.rules.context import Hit, RuleContext, finds, number_of, start_value
 from axisbus.wording import counted
 
 # -- The default mappings of a file's PDOs, entry by entry -----------------------------------------------------------------
@@ -119,6 +119,7 @@ def understood(sheet: RuleContext, entry: Variable) -> bool:
 # -- The rules -------------------------------------------------------------------------------------------------------------
 
 
+@finds("P001")
 def no_mapping(sheet: RuleContext) -> Iterator[Hit]:
     """P001."""
     for _, entry in communications(sheet):
@@ -128,6 +129,7 @@ def no_mapping(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
 
 
+@finds("P007")
 def no_communication(sheet: RuleContext) -> Iterator[Hit]:
     """P007."""
     for _, entry in maps(sheet):
@@ -137,6 +139,7 @@ def no_communication(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
 
 
+@finds("P002")
 def no_target(sheet: RuleContext) -> Iterator[Hit]:
     """P002."""
     for slot in every_slot(sheet):
@@ -158,6 +161,7 @@ def _formulas(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at_value(holder, f"[{name}] depends on the node ID, and maps no object")
 
 
+@finds("P017")
 def repeated(sheet: RuleContext) -> Iterator[Hit]:
     """P017."""
     for receive, entry in maps(sheet):
@@ -179,6 +183,7 @@ def _misshapen(sheet: RuleContext, index: int, subindex: int) -> bool:
     return subindex in sheet.subs.get(index, {})
 
 
+@finds("P003")
 def wrong_size(sheet: RuleContext) -> Iterator[Hit]:
     """P003."""
     for slot in every_slot(sheet):
@@ -205,6 +210,7 @@ def _right_by_standard(sheet: RuleContext, target: Variable | None, mapped: Mapp
     return row is not None and any(kind.bits == mapped.bits for kind in row.data_types)
 
 
+@finds("P004")
 def not_mappable(sheet: RuleContext) -> Iterator[Hit]:
     """P004."""
     at_fault: dict[Section, list[MappingEntry]] = {}  # sections of objects
@@ -237,6 +243,7 @@ def is_cyclic(sheet: RuleContext, target: Variable) -> bool:
     return known and target.subindex == 0 and first_axis(target.index) in standard.CYCLIC
 
 
+@finds("P005")
 def wrong_direction(sheet: RuleContext) -> Iterator[Hit]:
     """P005."""
     for slot in every_slot(sheet):
@@ -256,6 +263,7 @@ def _access_is_the_fault(sheet: RuleContext, target: Variable, allowed: frozense
     )
 
 
+@finds("P006")
 def too_long(sheet: RuleContext) -> Iterator[Hit]:
     """P006."""
     for receive, entry in maps(sheet):
@@ -277,6 +285,7 @@ def _right_bits(sheet: RuleContext, slot: MappingEntry) -> int:
     return slot.mapped.bits if _right_by_standard(sheet, target, slot.mapped) else bits
 
 
+@finds("P008")
 def count_beyond(sheet: RuleContext) -> Iterator[Hit]:
     """P008."""
     for _, entry in maps(sheet):
@@ -293,6 +302,7 @@ def count_beyond(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at_value(count, text)
 
 
+@finds("P015")
 def empty_entries(sheet: RuleContext) -> Iterator[Hit]:
     """P015."""
     for _, entry in maps(sheet):
@@ -304,6 +314,7 @@ def empty_entries(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at_value(holder, text)
 
 
+@finds("P016")
 def carries_nothing(sheet: RuleContext) -> Iterator[Hit]:
     """P016."""
     for receive, entry in maps(sheet):
@@ -323,6 +334,7 @@ def _is_on(sheet: RuleContext, mapping: int) -> bool:
     return identifier is not None and not identifier & cob.INVALID
 
 
+@finds("P010")
 def dummies(sheet: RuleContext) -> Iterator[Hit]:
     """P010."""
     for slot in every_slot(sheet):

@@ -9,7 +9,7 @@ from axisbus.cia301 import cob
 from axisbus.cia301 import objects as o
 from axisbus.cia301.datatypes import DataType
 from axisbus.eds.model import Number, Variable
-from axisbus.eds.rules.context import Hit, RuleContext, start_value
+from axisbus.eds.rules.context import Hit, RuleContext, finds, start_value
 from axisbus.eds.rules.pdo import MAX_ENTRIES, communications, maps
 
 _PARAMETERS = {
@@ -36,6 +36,7 @@ _RESTRICTED = (
 )
 
 
+@finds("P009")
 def parameter_types(sheet: RuleContext) -> Iterator[Hit]:
     """P009."""
     for _, entry in communications(sheet):
@@ -62,6 +63,7 @@ def _type(sheet: RuleContext, sub: Variable, kind: DataType) -> Iterator[Hit]:
         yield sheet.at(section, "datatype", text, sub.index, sub.subindex)
 
 
+@finds("P011")
 def missing_parameters(sheet: RuleContext) -> Iterator[Hit]:
     """P011."""
     for _, entry in communications(sheet):
@@ -72,6 +74,7 @@ def missing_parameters(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at(head, "", text, entry.index, subindex)
 
 
+@finds("P012")
 def reserved_types(sheet: RuleContext) -> Iterator[Hit]:
     """P012."""
     for receive, entry in communications(sheet):
@@ -81,6 +84,7 @@ def reserved_types(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at_start(entry.index, text, 2)
 
 
+@finds("P013")
 def restricted_ids(sheet: RuleContext) -> Iterator[Hit]:
     """P013."""
     for _, sub, value in _valid_cob_ids(sheet):
@@ -90,6 +94,7 @@ def restricted_ids(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at_start(sub.index, f"[{sub.index:04X}sub1] {wrong}", 1)
 
 
+@finds("P014")
 def shared_ids(sheet: RuleContext) -> Iterator[Hit]:
     """P014."""
     seen: dict[tuple[int, bool], int] = {}

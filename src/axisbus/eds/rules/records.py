@@ -11,7 +11,7 @@ from axisbus.eds.io import compact, values
 from axisbus.eds.io.compact import MAX_ENTRIES
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import Number, Object, ObjectType, Severity, Variable
-from axisbus.eds.rules.context import Hit, RuleContext, an, short, text_of
+from axisbus.eds.rules.context import Hit, RuleContext, an, finds, short, text_of
 from axisbus.wording import counted
 
 # -- Determine which sub-index of an object is probably missing, from the object's own counts ------------------------------
@@ -62,6 +62,7 @@ _ON_DATA = ("DefaultValue", "ParameterValue", "LowLimit", "HighLimit", "PDOMappi
 _OF_TYPE = ("DataType", "AccessType")
 
 
+@finds("O007")
 def sub_number(sheet: RuleContext) -> Iterator[Hit]:
     """O007."""
     for entry, head in sheet.records:
@@ -83,6 +84,7 @@ def _gap(sheet: RuleContext, entry: Object) -> str:
     return f"; sub-index {absent:X} seems to be missing" if known else ""
 
 
+@finds("O024")
 def no_sub_number(sheet: RuleContext) -> Iterator[Hit]:
     """O024."""
     for entry, head in _plain_records(sheet):
@@ -90,6 +92,7 @@ def no_sub_number(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(head, "", f"[{head.name}] has sub-indices, but no SubNumber", entry.index)
 
 
+@finds("O008")
 def no_sub_zero(sheet: RuleContext) -> Iterator[Hit]:
     """O008."""
     for entry, head in sheet.records:
@@ -106,6 +109,7 @@ def _seems_a_var(entry: Object, head: Section) -> bool:
     return not entry.subs and "datatype" in head.entries and "subnumber" not in head.entries
 
 
+@finds("O009")
 def type_of_sub_zero(sheet: RuleContext) -> Iterator[Hit]:
     """O009."""
     for entry, _ in sheet.records:
@@ -124,6 +128,7 @@ def type_of_count(index: int) -> DataType:
     return DataType.UNSIGNED32 if index == _PDOS_SUPPORTED else DataType.UNSIGNED8
 
 
+@finds("O010")
 def highest_sub_index(sheet: RuleContext) -> Iterator[Hit]:
     """O010."""
     for entry, _ in sheet.records:
@@ -146,6 +151,7 @@ def _counts_itself(sheet: RuleContext, entry: Object) -> bool:
     return entry.index in _OWN_COUNT or is_pdo_mapping(entry.index) or sheet.modular
 
 
+@finds("O025")
 def no_highest(sheet: RuleContext) -> Iterator[Hit]:
     """O025."""
     for entry, _ in sheet.records:
@@ -154,6 +160,7 @@ def no_highest(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "defaultvalue", f"[{section.name}] has no DefaultValue", entry.index, 0)
 
 
+@finds("O014")
 def shared_sub_names(sheet: RuleContext) -> Iterator[Hit]:
     """O014."""
     for entry, _ in sheet.records:
@@ -168,6 +175,7 @@ def shared_sub_names(sheet: RuleContext) -> Iterator[Hit]:
                 break
 
 
+@finds("O022")
 def type_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
     """O022."""
     for entry, head in _plain_records(sheet):
@@ -180,6 +188,7 @@ def type_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(head, named[0], text, entry.index)
 
 
+@finds("O023")
 def data_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
     """O023."""
     for entry, head in _plain_records(sheet):
@@ -190,6 +199,7 @@ def data_keys_on_record(sheet: RuleContext) -> Iterator[Hit]:
                 yield sheet.at(head, name, text, entry.index)
 
 
+@finds("O026")
 def different_types(sheet: RuleContext) -> Iterator[Hit]:
     """O026."""
     for entry, _ in sheet.records:
@@ -211,6 +221,7 @@ def different_types(sheet: RuleContext) -> Iterator[Hit]:
             yield sheet.at(section, "datatype", text, entry.index, odd.subindex)
 
 
+@finds("O030")
 def type_of_sub(sheet: RuleContext) -> Iterator[Hit]:
     """O030."""
     for entry, _ in sheet.records:

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from axisbus.eds.io.text import Section
 from axisbus.eds.model import DEVICE_NUMBERS, Severity
-from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, RuleContext
+from axisbus.eds.rules.context import DEVICE_INFO, FILE_INFO, LISTS, Hit, RuleContext, finds
 from axisbus.wording import counted
 
 MAX_LINE = 255
@@ -55,6 +55,7 @@ _KEYS: Mapping[str, frozenset[str]] = {
 }
 
 
+@finds("S007")
 def long_lines(sheet: RuleContext) -> Iterator[Hit]:
     """S007."""
     if len(max(sheet.document.lines, key=len)) <= MAX_LINE:
@@ -67,6 +68,7 @@ def long_lines(sheet: RuleContext) -> Iterator[Hit]:
         yield Hit(long[0], MAX_LINE + 1, f"the line has {counted(length, 'character')}{_and_more(long)}")
 
 
+@finds("S008")
 def spaced_keys(sheet: RuleContext) -> Iterator[Hit]:
     """S008."""
     found = _matches(sheet, _SPACED_KEY, " =", "\t=")
@@ -75,6 +77,7 @@ def spaced_keys(sheet: RuleContext) -> Iterator[Hit]:
         yield Hit(number, match.start(1) + 1, f"there is a space before the equals sign{_and_more(found)}")
 
 
+@finds("S013")
 def indented_comments(sheet: RuleContext) -> Iterator[Hit]:
     """S013."""
     found = _matches(sheet, _INDENTED_COMMENT, " ;", "\t;")
@@ -83,12 +86,14 @@ def indented_comments(sheet: RuleContext) -> Iterator[Hit]:
         yield Hit(number, match.end(), f"the comment is indented{_and_more(found)}")
 
 
+@finds("S014")
 def old_line_ends(sheet: RuleContext) -> Iterator[Hit]:
     """S014."""
     if sheet.document.newline == "\r" and len(sheet.document.lines) > 1:
         yield Hit(1, 1, "the lines end in CR alone")
 
 
+@finds("S015")
 def mixed_line_ends(sheet: RuleContext) -> Iterator[Hit]:
     """S015."""
     if "\r" not in sheet.text:
@@ -102,6 +107,7 @@ def mixed_line_ends(sheet: RuleContext) -> Iterator[Hit]:
     yield Hit(fewer[0], 1, f"the line ends in {kind}, most others do not{_and_more(fewer)}")
 
 
+@finds("S018")
 def control_characters(sheet: RuleContext) -> Iterator[Hit]:
     """S018."""
     if _CONTROL.search(sheet.text) is None:
@@ -116,6 +122,7 @@ def control_characters(sheet: RuleContext) -> Iterator[Hit]:
         yield Hit(number, match.start() + 1, f"the control character {ord(match[0]):02X}h{_and_more(found)}")
 
 
+@finds("S016")
 def unknown_keys(sheet: RuleContext) -> Iterator[Hit]:
     """S016."""
     seen: dict[str, list[Section]] = {}
@@ -128,6 +135,7 @@ def unknown_keys(sheet: RuleContext) -> Iterator[Hit]:
         yield Hit(line, 1, message)
 
 
+@finds("S017")
 def misspelt_keys(sheet: RuleContext) -> Iterator[Hit]:
     """S017."""
     for section, key in _foreign_keys(sheet):
@@ -163,6 +171,7 @@ def _all_foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
                     yield section, key
 
 
+@finds("S019")
 def other_comments(sheet: RuleContext) -> Iterator[Hit]:
     """S019."""
     found = [

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from axisbus.eds.io import values
 from axisbus.eds.io.text import Section, entry_of
 from axisbus.eds.model import EdsFinding
-from axisbus.eds.rules.context import LISTS, Hit, RuleContext, short
+from axisbus.eds.rules.context import LISTS, Hit, RuleContext, finds, short
 from axisbus.eds.rules.records import STRUCTURE, is_compact
 from axisbus.wording import counted
 
@@ -105,6 +105,7 @@ def _is_unfinished(sheet: RuleContext, last: Section, index: int) -> bool:
     return entry.is_record and said is not None and said > len(sheet.subs.get(index, {}).keys() - {STRUCTURE})
 
 
+@finds("S020")
 def ends_early(sheet: RuleContext) -> Iterator[Hit]:
     """S020."""
     found = ending(sheet)
