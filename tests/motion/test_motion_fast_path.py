@@ -74,7 +74,7 @@ def differences(a, b, where: str, seen: set) -> list[str]:
         found
         for path, x, y in pairs
         if not path.endswith(
-            ("._was_uneventful", "._fast_path", "._here", "._path_values", "._motion")
+            ("._was_uneventful", "._fast_path", "._present", "._path_values", "._motion")
         )  # the last ones: caches
         for found in differences(x, y, path, seen)
     ]
