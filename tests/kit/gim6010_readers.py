@@ -171,10 +171,10 @@ def _modbus_replies() -> Conversations:
 def _modbus_client(frames: Sequence[bytes]) -> None:
     """Read three registers; pymodbus decodes the frames, and our wire and requests check the result."""
     wire = SerialWire.__new__(SerialWire)
-    serial, library = libraries()
-    client = library.make("fuzz", timeout=0.001, retries=0)
+    serial, make, exceptions = libraries()
+    client = make("fuzz", timeout=0.001, retries=0)
     client.socket = _Port(frames)
-    wire._gone, wire._failures, wire._client = (serial.SerialException, OSError), library.exceptions, client
+    wire._gone, wire._failures, wire._client = (serial.SerialException, OSError), exceptions, client
     wire.port = "fuzz"
     heard = 0
     for request in _ASKED:

@@ -195,7 +195,7 @@ class Beam:
     def _bent_is_stopped(self) -> None:
         """A beam that is driven and bent beyond its bound is found out, and both go to ErrorStop."""
         skew, cell, facts = self.skew, self._cell, self._facts
-        bound = cell.machine._core.scan.groups[cell.gantry.name].watch.bound + _ROUNDING
+        bound = cell.machine._core.scan.groups[cell.gantry.name].monitor.bound + _ROUNDING
         driven = any(facts.stage(name) not in OFF and cell.core(name).touched for name in AXES)
         excused = self._troubled_by(_UNSEEN, _CALM)
         cores = [cell.core(name) for name in AXES]
@@ -218,7 +218,7 @@ class Beam:
         if skew is None or hindered or not powered:
             self._fastest = 0.0
             return
-        bound = self._cell.machine._core.scan.groups[self._cell.gantry.name].watch.bound
+        bound = self._cell.machine._core.scan.groups[self._cell.gantry.name].monitor.bound
         speed = max(abs(self._cell.record(name).sample.velocity) for name in AXES)
         if abs(skew) <= bound:
             self._fastest, self._bound, self._inside_at = speed, bound, facts.now
