@@ -18,7 +18,7 @@ _FIRST_PAGE = """<!doctype html>
 def publish(html: Path, folder: Path, version: str) -> None:
     """Copy a site to ``folder/version``, in place of an earlier one of that version; the other versions stay.
 
-    Raises ``InvalidVersion`` if ``version`` is none, and ``OSError``. What is there is replaced only after the copy is complete.
+    An earlier site is replaced only after the copy is complete. Raises ``InvalidVersion`` and ``OSError``.
     """
     Version(version)
     folder.mkdir(parents=True, exist_ok=True)

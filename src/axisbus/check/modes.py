@@ -10,6 +10,7 @@ from axisbus.cell.cyclic_modes import interpolates
 from axisbus.cell.parameters import mode_list, modes
 from axisbus.check.context import Check, CheckContext, Problems, title, titles
 from axisbus.check.cyclic_modes import planned
+from axisbus.cia301 import objects as o
 from axisbus.cia402 import objects
 from axisbus.cia402.modes import FACTS, ModeOfOperation, needed
 
@@ -45,9 +46,7 @@ def summary(case: CheckContext) -> Problems:
     """Note the modes of each axis by its objects and 6502h, and the differences between the two."""
     for drive in case.drives:
         shown = mode_list(drive)
-        late = {
-            mode: why for mode in USED if mode in shown.modes and (why := event_driven(case, drive, mode))
-        }
+        late = {mode: why for mode, why in event_driven(case, drive).items() if mode in shown.modes}
         runs = [FACTS[mode].short for mode in USED if mode in shown.modes and mode not in late]
         unclaimed = [
             f"not {FACTS[mode].short} ({titles(missing)} missing)"
@@ -141,7 +140,7 @@ def groups(case: CheckContext) -> Problems:
             drive = drives.get(name)
             if drive is None:
                 continue
-            why = no_csp(drive) or event_driven(case, drive, _M.CYCLIC_SYNC_POSITION)
+            why = no_csp(drive) or event_driven(case, drive).get(_M.CYCLIC_SYNC_POSITION)
             if why:
                 yield case.warning(
                     line,
@@ -158,32 +157,41 @@ def groups(case: CheckContext) -> Problems:
             )
 
 
-def event_driven(case: CheckContext, drive: Drive, mode: ModeOfOperation) -> str:
-    """Return why the values of a cyclic mode will not be in synchronous PDOs; "" if they will, or if the bus has no SYNC.
+def event_driven(case: CheckContext, drive: Drive) -> dict[ModeOfOperation, str]:
+    """Return the cyclic modes whose values will not be in synchronous PDOs, with the reasons; none if the bus has no SYNC.
 
     A drive whose EDS has a transmission type read-only keeps its type: boot cannot make such a PDO synchronous.
     """
-    if not case.cell.bus.sync or mode not in _TARGETS or interpolates(drive):
-        return ""
-    values = {"statusword", "position", _TARGETS[mode]}
-    fixed = [
-        pdo
-        for pdo in planned(case, drive).pdos
-        if values.intersection(pdo.values) and _keeps_events(drive, pdo)
-    ]
-    types = ", ".join(
-        f"{_communication(pdo):04X}h:02 of {pdo.name} is {pdo.before.transmission_type}" for pdo in fixed
+    types_are_fixed = any(
+        o.is_pdo_communication(index) and not _has_writable_type(drive, index) for index in drive.eds.objects
     )
-    return f"csp, csv and cst need synchronous PDOs; {types}, and read-only in the EDS" if fixed else ""
+    if not case.cell.bus.sync or interpolates(drive) or not types_are_fixed:
+        return {}
+    found = {}
+    pdos = [pdo for pdo in planned(case, drive).pdos if _keeps_events(drive, pdo)]
+    for mode, target in _TARGETS.items():
+        types = ", ".join(
+            f"{_communication(pdo):04X}h:02 of {pdo.name} is {pdo.before.transmission_type}"
+            for pdo in pdos
+            if {"statusword", "position", target}.intersection(pdo.values)
+        )
+        if types:
+            found[mode] = f"csp, csv and cst need synchronous PDOs; {types}, and read-only in the EDS"
+    return found
 
 
 def _keeps_events(drive: Drive, pdo: PlannedPdo) -> bool:
-    entry = drive.eds.get(_communication(pdo), 2)
-    return not pdo.before.synchronous and entry is not None and not entry.writable
+    return not pdo.before.synchronous and not _has_writable_type(drive, _communication(pdo))
+
+
+def _has_writable_type(drive: Drive, index: int) -> bool:
+    entry = drive.eds.get(index, o.PDO_TRANSMISSION_TYPE)
+    return entry is None or entry.writable
 
 
 def _communication(pdo: PlannedPdo) -> int:
-    return (0x1400 if pdo.receive else 0x1800) + pdo.before.number - 1
+    first = o.RPDO_COMMUNICATION if pdo.receive else o.TPDO_COMMUNICATION
+    return first + pdo.before.number - 1
 
 
 def no_csp(drive: Drive) -> str:

@@ -109,12 +109,11 @@ def braking(
     """
     left = max(allowed.high - position if velocity > 0.0 else position - allowed.low, 0.0)
     speed = abs(velocity)
-    if (
-        speed * period * _MOST_STEPS <= left or not speed * period
-    ):  # at standstill, or far from the end of the range
+    step = speed * period
+    if not step or step * _MOST_STEPS <= left:  # at standstill, or far from the end of the range
         return usual
     # In n steps the speed falls to 0 if the deceleration is from v/(n+1)T to v/nT; the distance is T (n v - d T n (n+1) / 2).
-    steps = max(1, math.ceil(2.0 * left / (speed * period)))
+    steps = max(1, math.ceil(2.0 * left / step))
     needed = 2.0 * (steps * speed - left / period) / (period * steps * (steps + 1))
     return max(usual, min(needed, hardest))
 

@@ -13,7 +13,6 @@ from axisbus.cia301.pdo import MAX_BITS, MappedObject, PdoConfiguration
 from axisbus.cia301.sdo import number_if_served
 from axisbus.eds.dictionary import Dictionary
 
-_LAST = 512
 _PROBED = (*range(1, 9), *range(65, 69))  # if no EDS lists the PDOs
 _MULTIPLEXED = 0xFE  # sub-index 0 of an MPDO (CiA 301 7.5.2.36): FEh and FFh are not counts
 
@@ -84,7 +83,7 @@ def _numbers(dictionary: Dictionary, receive: bool) -> list[int]:
         return list(_PROBED)
     numbers = [
         number
-        for number in range(1, _LAST + 1)
+        for number in range(1, o.PDOS_OF_A_KIND + 1)
         if Indices.of(receive, number).communication in dictionary.eds
     ]
     blocks: dict[int, list[int]] = {}

@@ -225,9 +225,8 @@ def _recompute_exits(rows: _Rows, last_zone: int, settled: int, *, stops: bool) 
     if stops:
         rows.max_exit_speeds[last_zone] = rows.exits[last_zone] = 0.0
     else:
-        rows.max_exit_speeds[last_zone] = rows.max_speeds[
-            last_zone
-        ]  # the former end of the path, where it was 0
+        # It was 0, because the path ended there.
+        rows.max_exit_speeds[last_zone] = rows.max_speeds[last_zone]
     for number in range(last_zone - 1 if stops else last_zone, -1, -1):
         before = rows.max_exit_speeds[number], rows.exits[number]
         _recompute_exit(rows, number)
