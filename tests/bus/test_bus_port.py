@@ -348,6 +348,19 @@ def test_an_output_that_was_not_sent_is_sent_later_if_it_is_still_requested(make
     assert port.take_frames() == [(0, b"\x02\x05")]
 
 
+def test_nothing_received_before_the_adapter_was_opened_again_counts(
+    make: Maker, node: CanopenNode, fake: FakeBus
+) -> None:
+    """The drive was stopped by SDO meanwhile; its last TPDO may still show it enabled."""
+    port = make(WHOLE)
+    arrived(node, fake, 0x185, "27 02 01 00 00 00 00")
+    assert port.read(time.monotonic()).statusword.value == 0x0227
+    port.begin_again()
+    assert port.read(time.monotonic()).statusword is None
+    arrived(node, fake, 0x185, "40 02 01 00 00 00 00")
+    assert port.read(time.monotonic()).statusword.value == 0x0240
+
+
 EVENT_DRIVEN = DevicePdos(
     (rpdo(1, "6060/8 607A/32 6040/16"), rpdo(2, "60FF/32 6071/16")), (tpdo(1, "6041/16 6061/8 6064/32"),)
 )

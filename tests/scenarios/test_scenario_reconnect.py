@@ -113,6 +113,18 @@ def test_an_adapter_that_is_plugged_in_again_serves_the_same_machine(
             assert_usable(simulation, name)
 
 
+@pytest.mark.parametrize("wait", [0.0, 0.01, 0.02, 0.05])
+def test_a_node_may_be_booted_at_once(tmp_path, wait):
+    """The last state that was received before the adapter was lost is no reason against it."""
+    with cell(tmp_path, heartbeat="10s") as simulation:
+        moving(simulation.machine)
+        unplug(simulation, 0.05)
+        simulation.machine.reconnect()
+        simulation.machine.sleep(wait)
+        for name in "xy":
+            assert_usable(simulation, name)
+
+
 def test_it_may_be_unplugged_again_and_again(tmp_path):
     with cell(tmp_path) as simulation:
         for _ in range(3):

@@ -72,6 +72,9 @@ class CycleSender(Protocol):
     def drop_frames(self) -> None:
         """Discard these frames, because the bus cannot carry them."""
 
+    def begin_again(self) -> None:
+        """Discard what was received and what is to be sent, because the adapter was opened again."""
+
     def take_requests(self, now: float) -> list[tuple[int, int]]:
         """Return the TPDOs to request by remote frames now, as COB-ID and data length."""
 
@@ -388,7 +391,7 @@ class CanCycle:
         """Send frames again after ``quick_stop_all``, because the adapter was opened again; the scan must not run yet."""
         self._stopped = self._blocked = self._sync_held = False
         for port in self._ports:
-            port.drop_frames()
+            port.begin_again()
 
     def keep_stopping(self) -> AbstractContextManager[None]:
         """Repeat the quick stops by RPDO, and SYNC, in a thread until the context ends; raises nothing."""

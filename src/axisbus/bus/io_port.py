@@ -178,6 +178,8 @@ class CanIoPort:
         for pace in self._paces:
             pace.forget()
 
+    begin_again = drop_frames
+
     def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002
         """Return no requests: the TPDOs of inputs are sent automatically."""
         return []

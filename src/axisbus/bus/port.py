@@ -267,6 +267,11 @@ class CanPort:
         self._pace.forget()
         self._nmt_stopped = False  # it was not sent, and must be sent if it is still requested then
 
+    def begin_again(self) -> None:
+        """Discard the frames to send and all values received: the adapter was opened again, and the drive was stopped by SDO."""
+        self.drop_frames()
+        self._incoming.forget()
+
     def take_requests(self, now: float) -> list[tuple[int, int]]:
         """Return the TPDOs to request by remote frames now, as COB-ID and data length; none while the node cannot answer."""
         return self._requests.due(now) if self.asks and self.node.nmt.operational(now) else []

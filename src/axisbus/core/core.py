@@ -595,7 +595,14 @@ class Core:
                     self.on_adapter_loss(AdapterLoss.OVER)
                 self._start_thread()
             self._pickup.restart()
+            self._await_first_cycle()
             return stopped
+
+    def _await_first_cycle(self) -> None:
+        """Block until the snapshots are those of the scan that has begun again, at most a second; not in a callback."""
+        scan = self.scan
+        with suppress(StateError):
+            self._waiter.wait(lambda: scan.has_run or scan.ended, _FIRST_VALUES)
 
     def _await_scan_end(self) -> None:
         """Block until the thread of a failed scan has ended, at most 2 s: one that is stuck in the driver does not end."""

@@ -241,6 +241,11 @@ class Scan:
         return self._stops_begun >= self._stops_wanted and self._leaving.over and outputs_too
 
     @property
+    def has_run(self) -> bool:
+        """Whether a cycle was completed since the scan began, or began again after the loss of the adapter."""
+        return self._done_at > -math.inf
+
+    @property
     def silent(self) -> str | None:
         """Why the snapshots are no longer up to date, None while they are."""
         if self.dead is not None:

@@ -108,6 +108,13 @@ class Incoming:
         )
         return known, events
 
+    def forget(self) -> None:
+        """Discard all values; each counts again with its next frame or poll."""
+        self.samples.clear()
+        for slot, _ in self._slots:
+            slot.seen = slot.latest
+        self.steady = self._ahead = False
+
     def _catch_up(self) -> None:
         self._ahead = False
         self.samples.update(

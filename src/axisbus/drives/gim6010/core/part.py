@@ -109,6 +109,8 @@ class ModuleSender:
         self._requests = []
         self.port.forget()
 
+    begin_again = drop_frames
+
     def take_requests(self, now: float) -> list[tuple[int, int]]:  # noqa: ARG002  # the port has decided that
         requests, self._requests = self._requests, []
         return requests
