@@ -11,7 +11,7 @@ import sys
 import tempfile
 import warnings
 from collections.abc import Generator, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from unittest import mock
@@ -122,6 +122,31 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> None:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
     """Run a test in virtual time if it is marked so; some files have one virtual time for all their tests."""
+    if item.get_closest_marker("real_time"):
+        return (yield)
+    with _on_one_processor():
+        return (yield from _in_its_time(item, nextitem))
+
+
+@contextmanager
+def _on_one_processor() -> Iterator[None]:
+    """Keep a test in virtual time, and the threads that it starts, on one processor.
+
+    Only one of its threads runs at a time, and waking one on another processor takes longer than most of their turns.
+    """
+    if not hasattr(os, "sched_setaffinity"):
+        yield
+        return
+    allowed = os.sched_getaffinity(0)
+    worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
+    os.sched_setaffinity(0, {sorted(allowed)[int(worker) % len(allowed)]})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, allowed)
+
+
+def _in_its_time(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
     if not item.get_closest_marker("virtual_time"):
         return (yield)
     from kit.virtual_time import virtual_time  # imports the bus, which quick tests do not need
