@@ -124,7 +124,9 @@ class SetPoint:
             observed=f"controlword bit 4 (new set-point) was {bit} for {self._timeout:g} s, statusword bit 12 (set-point "
             f"acknowledge) stayed {1 - bit}; {word}",
             remedy="check that the target lies within the drive's own limits (607Dh) and that profile velocity and acceleration "
-            f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]; {self._workaround}"
+            f"(6081h, 6083h) are not 0; a slow drive needs a longer acknowledge_time in [axes.{self._name}]; {self._workaround}; "
+            "if only the first move after enabling fails, the drive takes no set-point while its brake opens: let the program wait "
+            "after enabling"
             if bit
             else "see in the drive's manual when it resets bit 12 (its buffer of set-points may be full); a slow drive "
             f"needs a longer acknowledge_time in [axes.{self._name}]; {self._workaround}",
