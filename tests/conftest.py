@@ -10,6 +10,7 @@ import signal
 import sys
 import tempfile
 import warnings
+from collections import defaultdict
 from collections.abc import Generator, Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -21,7 +22,7 @@ from hypothesis import HealthCheck, settings
 
 from kit import scan_file_access
 from kit.scenarios import golden as scenario_golden
-from kit.slow import is_real_time, is_slow, is_sweep, is_virtual_time, shares_virtual_time
+from kit.slow import is_real_time, is_slow, is_sweep, is_virtual_time, shares_virtual_time, swept_cases
 
 if TYPE_CHECKING:
     from kit import command_line
@@ -82,6 +83,11 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 @pytest.hookimpl(tryfirst=True)  # before the tests are chosen by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Mark the tests that are slow, or have a time."""
+    for (path, _), cases in _by_function(items).items():
+        swept = swept_cases(path, len(cases))
+        for number, case in enumerate(cases):
+            if number in swept:
+                case.add_marker(pytest.mark.sweep)
     for item in items:
         test = getattr(item, "originalname", item.name)
         if is_slow(item.path, test):
@@ -92,6 +98,16 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker(pytest.mark.real_time)
         elif is_virtual_time(item.path, test):
             item.add_marker(pytest.mark.virtual_time)
+
+
+def _by_function(items: list[pytest.Item]) -> dict[tuple[Path, str], list[pytest.Item]]:
+    """Return the cases of each test that is not in real time."""
+    found: dict[tuple[Path, str], list[pytest.Item]] = defaultdict(list)
+    for item in items:
+        test = getattr(item, "originalname", item.name)
+        if not is_real_time(item.path, test):
+            found[item.path, item.nodeid.partition("[")[0]].append(item)
+    return found
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -358,6 +358,10 @@ SWEEPS = (
     "sim/test_sim_sdo_sweep.py",
     "system/test_system_types.py",
 )
+# Folders in which a test of many cases moves machines: ``make test`` runs some of its cases, ``make test-sweeps`` the others.
+MATRICES = ("scenarios",)
+_SAMPLE = 4  # cases of each of these tests in ``make test``, spread over all of its cases
+_SMALL = 8  # cases; a test with no more is run whole
 NAMES = frozenset((*(name for names in SLOW.values() for name in names), *SHARED_VIRTUAL_TIME, *SWEEPS))
 IN_REAL_TIME = frozenset(name for names in REAL_TIME.values() for name in names)
 IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME, *SHARED_VIRTUAL_TIME))
@@ -371,6 +375,13 @@ def is_slow(path: Path, test: str = "") -> bool:
 def is_sweep(path: Path, test: str = "") -> bool:
     """Whether a test tries hundreds of cases, and needs no real time."""
     return bool(_names(path, test) & set(SWEEPS)) and not is_real_time(path, test)
+
+
+def swept_cases(path: Path, cases: int) -> frozenset[int]:
+    """Return the positions of those cases of a test in ``MATRICES`` that are sweeps, because others like them are not."""
+    if cases <= _SMALL or not set(_named(path)) & set(MATRICES):
+        return frozenset()
+    return frozenset(range(cases)) - {round(step * (cases - 1) / (_SAMPLE - 1)) for step in range(_SAMPLE)}
 
 
 def is_real_time(path: Path, test: str = "") -> bool:
