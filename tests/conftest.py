@@ -7,6 +7,7 @@ import gc
 import os
 import shutil
 import signal
+import subprocess
 import sys
 import tempfile
 import warnings
@@ -67,6 +68,7 @@ for _number in ("SIGHUP", "SIGQUIT"):
 
 _MANY_OBJECTS = 100_000  # from here on a garbage collection takes as long as the opening of a machine
 _freeze = gc.freeze
+_PROCESSORS = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
 QUICK = "not slow"  # the choice of ``make quick``
 scan_file_access.begin()
 _shared: dict[Path, ExitStack] = {}  # of the file whose tests run now, if they share their virtual time
@@ -148,18 +150,29 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 def _on_one_processor() -> Iterator[None]:
     """Keep a test in virtual time, and the threads that it starts, on one processor.
 
-    Only one of its threads runs at a time, and waking one on another processor takes longer than most of their turns.
+    Only one of its threads runs at a time, and waking one on another processor takes longer than most of their turns. The programs
+    that it starts run on all processors.
     """
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
-    allowed = os.sched_getaffinity(0)
     worker = os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")
-    os.sched_setaffinity(0, {sorted(allowed)[int(worker) % len(allowed)]})
+    os.sched_setaffinity(0, {_PROCESSORS[int(worker) % len(_PROCESSORS)]})
+    start = subprocess.Popen._execute_child
+
+    def start_anywhere(*arguments: Any) -> None:
+        mine = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, _PROCESSORS)
+        try:
+            start(*arguments)
+        finally:
+            os.sched_setaffinity(0, mine)
+
     try:
-        yield
+        with mock.patch.object(subprocess.Popen, "_execute_child", start_anywhere):
+            yield
     finally:
-        os.sched_setaffinity(0, allowed)
+        os.sched_setaffinity(0, _PROCESSORS)
 
 
 def _in_its_time(item: pytest.Item, nextitem: pytest.Item | None) -> Generator[None, Any, Any]:
