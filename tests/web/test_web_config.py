@@ -46,6 +46,7 @@ ACCELERATION, WINDOW, HEARTBEAT = (0x6083, 0), (0x6065, 0), (0x1017, 0)
 @pytest.fixture(autouse=True)
 def quickly(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(verifying, "PACE", 0.0)
+    monkeypatch.setattr(file_process, "_NICE", 0)  # else it waits for every other program of a busy computer
 
 
 @pytest.fixture
@@ -55,7 +56,9 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
         yield machine
 
 
-@pytest.fixture(params=["in the server", "in a process of its own"])
+@pytest.fixture(
+    params=["in the server", pytest.param("in a process of its own", marks=pytest.mark.sweep)]
+)
 def anywhere(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the file of a job is parsed."""
     if request.param == "in a process of its own":
