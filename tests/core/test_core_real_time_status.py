@@ -1,5 +1,6 @@
 """The real-time status of a core, described before it runs."""
 
+import ast
 import os
 import resource
 import subprocess
@@ -95,25 +96,26 @@ def test_the_processors_that_are_kept_free(tmp_path, monkeypatch, text, found):
 
 
 def in_a_process(isolated):
-    """The processors of ``isolated`` that a process of its own gets, and where it may run then."""
+    """The processors of ``isolated`` that a process of its own gets, where it may run then, and where it could before."""
     code = (
         f"import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.isolated = lambda: {isolated}\n"
-        "print(realtime_setup.take_processor(), sorted(os.sched_getaffinity(0)))"
+        "before = sorted(os.sched_getaffinity(0))\n"
+        "print([realtime_setup.take_processor(), sorted(os.sched_getaffinity(0)), before])"
     )
-    return subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout.strip()
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return ast.literal_eval(done.stdout)
 
 
 def test_a_core_moves_to_one_that_is_kept_free():
     last = max(os.sched_getaffinity(0))
-    assert in_a_process([last]) == f"['an isolated processor'] [{last}]"
+    assert in_a_process([last])[:2] == [["an isolated processor"], [last]]
 
 
 def test_an_unusable_processor_changes_nothing():
-    everywhere = sorted(os.sched_getaffinity(0))
-    assert in_a_process([4000]) == f"[] {everywhere}"
-    assert in_a_process([]) == f"[] {everywhere}"
+    for isolated in ([4000], []):
+        taken, after, before = in_a_process(isolated)
+        assert taken == []
+        assert after == before
 
 
 def test_an_isolated_processor_is_named_before_the_start(nobody):

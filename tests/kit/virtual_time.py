@@ -49,6 +49,11 @@ _poll = select.poll
 _CLOCK_STEP = 1e-6  # seconds that each reading of the clock takes, so that a polling loop ends
 _TIMEVAL = struct.Struct("ll")
 _READING = {"recv": 1, "recv_into": 2, "recvmsg": 2, "accept": 0}  # of a socket; and where their flags are
+_SIZES: dict[str, Callable[[Any], int]] = {  # bytes that each of them has received, by its result
+    "recv": len,
+    "recv_into": int,
+    "recvmsg": lambda found: len(found[0]),
+}
 _SELECTORS = (
     (selectors, "DefaultSelector"),
     (socketserver, "_ServerSelector"),
@@ -83,6 +88,9 @@ class VirtualThread:
         self.joiners: list[VirtualThread] = []
 
 
+Direction = tuple[Any, Any]  # of a connection: the addresses of the socket that sends and of the other
+
+
 class Scheduler:
     """Holds the virtual clock and its threads, and decides which one runs."""
 
@@ -96,7 +104,8 @@ class Scheduler:
         self._timers: list[tuple[float, int, int, VirtualThread]] = []
         self._order = itertools.count()
         self._polling: dict[VirtualThread, dict[int, int]] = {}
-        self._arrival = 0.0  # real time until which sent data may be in transit
+        self._arrival = 0.0  # real time until which something that was sent may be in transit
+        self._transit: dict[Direction, tuple[int, float]] = {}  # bytes not yet received, and that time
 
     # -- threads -----------------------------------------------------------------------------------------------------------
 
@@ -192,7 +201,8 @@ class Scheduler:
         """Return the thread that runs next; advances the clock if none is ready."""
         began = _monotonic()
         while not self._ready:
-            if self._polling and self._poll_descriptors(max(0.0, self._arrival - _monotonic())):
+            arrival = max(self._arrival, *(until for _, until in self._transit.values()), 0.0)
+            if self._polling and self._poll_descriptors(max(0.0, arrival - _monotonic())):
                 continue
             while self._timers:
                 at, _, number, thread = heapq.heappop(self._timers)
@@ -220,8 +230,19 @@ class Scheduler:
         return bool(ready)
 
     def has_sent(self) -> None:
-        """Stop the clock until the data have arrived: the kernel delivers those of TCP and terminals a moment later."""
+        """Stop the clock until that has arrived: the kernel delivers what goes through TCP and terminals a moment later."""
         self._arrival = _monotonic() + _DELIVERY
+
+    def has_sent_data(self, direction: Direction, size: int) -> None:
+        """Stop the clock until these bytes are received, or as long as ``has_sent`` does."""
+        waiting, _ = self._transit.get(direction, (0, 0.0))
+        self._transit[direction] = waiting + size, _monotonic() + _DELIVERY
+
+    def has_received(self, direction: Direction, size: int) -> None:
+        """Note received bytes."""
+        waiting, until = self._transit.pop(direction, (0, 0.0))
+        if waiting > size:
+            self._transit[direction] = waiting - size, until
 
     # -- replacements of the functions of time ---------------------------------------------------------------------------------
 
@@ -349,9 +370,22 @@ def _when_readable(scheduler: Scheduler, name: str, flags_at: int) -> Callable[.
         flags = named.get("flags", 0) or (given[flags_at] if len(given) > flags_at else 0)
         if scheduler.current() is not None and not flags & socket.MSG_DONTWAIT:
             _await(scheduler, line, select.POLLIN)
-        return known(line, *given, **named)
+        found = known(line, *given, **named)
+        if name in _SIZES and not flags & socket.MSG_PEEK and (peer := _peer(line)) is not None:
+            scheduler.has_received((peer, line.getsockname()), _SIZES[name](found))
+        return found
 
     return does
+
+
+def _peer(line: socket.socket) -> Any:
+    """Return the address of the other socket of a TCP connection, None of anything else."""
+    if line.type != socket.SOCK_STREAM or line.family == socket.AF_UNIX:
+        return None
+    try:
+        return line.getpeername()
+    except OSError:  # it is not connected any more
+        return None
 
 
 def _await(scheduler: Scheduler, line: socket.socket, events: int) -> None:
@@ -376,7 +410,15 @@ def _receive_timeout(line: socket.socket) -> float:
 
 def _send(scheduler: Scheduler) -> Callable[..., int]:
     """Return a ``socket.send`` that blocks in virtual time."""
-    known = _marked(scheduler, "send")
+    to_socket, elsewhere = socket.socket.send, _marked(scheduler, "send")
+
+    def known(line: socket.socket, data: Any, flags: int) -> int:
+        if (peer := _peer(line)) is None:
+            sent: int = elsewhere(line, data, flags)
+            return sent
+        sent = to_socket(line, data, flags)
+        scheduler.has_sent_data((line.getsockname(), peer), sent)
+        return sent
 
     def send(line: socket.socket, data: Any, flags: int = 0) -> int:
         if scheduler.current() is None or line.gettimeout() == 0.0:
