@@ -43,7 +43,7 @@ from axisbus.motion.states import AxisState
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.bus.node_threads import on_each
 from kit.corpus import CORPUS
 from kit.motion.rig import PERIOD, rig
@@ -313,7 +313,7 @@ def fast_scan() -> None:
     made = eds.load(resolve("builtin:gim6010-8", ROOT))
     name, serial = "bench-lss", 0x1234_5678
     with (
-        StandIns(name, [device_from_eds(made, 255, serial=serial)]),
+        SimulatedNetwork(name, [device_from_eds(made, 255, serial=serial)]),
         Channel.open("virtual", name) as channel,
     ):
         master = LssMaster(channel, beside_operation=True)
@@ -419,7 +419,7 @@ def sixteen_nodes() -> None:
     def read_all(client: SdoClient) -> list[bytes]:
         return [client.upload(*key) for key in keys]
 
-    with Channel.open("virtual", "bench") as channel, StandIns("bench", devices):
+    with Channel.open("virtual", "bench") as channel, SimulatedNetwork("bench", devices):
         time.sleep(0.5)
         clients = [SdoClient(channel, device.node_id) for device in devices]
         one = best(lambda: read_all(clients[0]), 3)
@@ -434,11 +434,11 @@ def block_transfer() -> None:
     device = Device(Eds("bench", {0x2100: Object(0x2100, "file", ObjectType.VAR, {0: file})}, {}), 5)
     device.dials.sdo_delay = 0.001
     data = bytes(range(256)) * 64
-    with Channel.open("virtual", "bench-blocks") as channel, StandIns("bench-blocks", [device]):
+    with Channel.open("virtual", "bench-blocks") as channel, SimulatedNetwork("bench-blocks", [device]):
         time.sleep(0.5)
         client = SdoClient(channel, 5)
-        blocks = best(lambda: client.download(0x2100, 0, data, way=SdoTransferType.BLOCK), 2)
-        segments = best(lambda: client.download(0x2100, 0, data, way=SdoTransferType.NORMAL), 2)
+        blocks = best(lambda: client.download(0x2100, 0, data, transfer_type=SdoTransferType.BLOCK), 2)
+        segments = best(lambda: client.download(0x2100, 0, data, transfer_type=SdoTransferType.NORMAL), 2)
         client.close()
     row("16 KiB written in blocks, 1 ms per answer", f"{blocks:.2f} s", f"in segments {segments:.2f} s",
         segments / blocks)  # fmt: skip

@@ -33,7 +33,7 @@ import can
 from can.interfaces.socketcan import socketcan
 
 from axisbus.bus.link.raw_sockets import CyclicSocket
-from axisbus.core.realtime_setup import keep_awake, permitted, take_priority
+from axisbus.core.realtime_setup import permitted, prevent_deep_sleep, set_real_time_priority
 from kit.bench import echo_drives
 from kit.repeating_thread import again
 
@@ -255,9 +255,9 @@ def _cell(bus: can.BusABC, cyclic: CyclicSocket | None, count: int, period: floa
 
     cell = Cell(bus, cyclic, count, period)
     stream = SimpleNamespace(send=lambda _: None, waiting=0)
-    outlet = Publisher(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
-    outlet.admit(stream)  # type: ignore[arg-type]  # no receiver
-    cell.scan.observers = [outlet.after_cycle]
+    publisher = Publisher(mmap.mmap(-1, size_of(count)), tuple(cell.axes))
+    publisher.admit(stream)  # type: ignore[arg-type]  # no receiver
+    cell.scan.observers = [publisher.after_cycle]
     return cell
 
 
@@ -351,8 +351,8 @@ def main() -> int:
         ours_too = chosen.side in ("ours", "core")
         with drives(chosen.axes, apart=ours_too, split=chosen.side == "usual") as (bus, cyclic):
             if not chosen.plain:
-                take_priority()
-                keep_awake()
+                set_real_time_priority()
+                prevent_deep_sleep()
             print(
                 json.dumps(
                     SIDES[chosen.side](

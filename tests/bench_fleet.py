@@ -82,7 +82,7 @@ def ages(fleet):
     )
 
 
-def stand_ins(rate, processes=4):
+def simulated_nodes(rate, processes=4):
     """100 cells of 3 axes each, imitated by some processes and watched by this one."""
     each = CELLS // processes
     endpoints = [free_endpoint() for _ in range(processes)]
@@ -197,7 +197,7 @@ def late(begun):
 def main(arguments):
     if not arguments or "stand-ins" in arguments:
         for rate in RATES:
-            stand_ins(rate)
+            simulated_nodes(rate)
     if not arguments or "cells" in arguments:
         for each in CELL_RUNS:
             cells(*each)

@@ -16,7 +16,7 @@ from axisbus.boot.report import NodeReport
 from axisbus.eds.builtin import resolve
 from axisbus.machine.opening import boot
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.lossy_line import LossyLine
 
 EDS = "builtin:generic-cia402"
@@ -34,7 +34,7 @@ def boot_once(folder: Path, nodes: int, loss: float, seed: int) -> tuple[list[No
     cell.write_text(text, encoding="utf-8")
     described = eds.load(resolve(EDS, folder))
     devices = [device_from_eds(described, node, seed=node) for node in range(1, nodes + 1)]
-    with LossyLine(near, far, loss, seed) as line, StandIns(far, devices):
+    with LossyLine(near, far, loss, seed) as line, SimulatedNetwork(far, devices):
         return boot(cell), line
 
 

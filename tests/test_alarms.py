@@ -79,8 +79,8 @@ def raised_by_wait(error: AxisbusError) -> str:
 
 def kept_by_ledger(error: AxisbusError) -> str:
     ledger = CommandLog(lambda: 0.0)
-    ledger.give(1, "x.halt()")
-    ledger.hear(CommandEvent(1, Status.ERROR, error, ""))
+    ledger.add(1, "x.halt()")
+    ledger.note(CommandEvent(1, Status.ERROR, error, ""))
     return ledger.seen[0].error
 
 

@@ -80,9 +80,9 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
         self,
         node_id: int,
         before: Mapping[Address, int] | None = None,
-        tell: Callable[[str], None] = lambda _: None,
+        on_step: Callable[[str], None] = lambda _: None,
     ) -> Booted:
-        """Boot and configure a node, and return the result, an error included; blocks. ``tell`` gets each step as it begins.
+        """Boot and configure a node, and return the result, an error included; blocks. ``on_step`` gets each step as it begins.
 
         ``before``: the identity (1018h) of the only device that may be booted, as far as devices report it; None: any that fits the
         cell file.
@@ -157,8 +157,8 @@ class CellConnection(Protocol[Booted, Parts, Incident, Event]):
     def carried(self) -> BusTraffic | None:
         """Return the traffic of the bus so far; None if there are no frames."""
 
-    def tap(self, ear: Callable[[CanFrame], None]) -> None:
-        """Call ``ear`` with every frame, in either direction; it must not block. Never called if there are no frames."""
+    def tap(self, handler: Callable[[CanFrame], None]) -> None:
+        """Call ``handler`` with every frame, in either direction; it must not block. Never called if there are no frames."""
 
-    def untap(self, ear: Callable[[CanFrame], None]) -> None:
+    def untap(self, handler: Callable[[CanFrame], None]) -> None:
         """End the tap; harmless if it has ended."""

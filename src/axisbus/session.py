@@ -35,7 +35,7 @@ AnyCommand = Command | GroupCommand | SetOutputs
 Target = str | tuple[str, ...]  # an axis or a group by name, or a group by its axes
 IO: Target = ()  # the target of a command that sets outputs
 Observer = Callable[[float, Mapping[str, Snapshot]], None]
-HearFrames = Callable[[Sequence[CanFrame]], None]
+OnFrames = Callable[[Sequence[CanFrame]], None]
 
 
 class CommandEvent(NamedTuple):
@@ -167,8 +167,8 @@ class AxisSession(Protocol):
             StateError: this is a forked child, in which no core runs.
         """
 
-    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
-        """Call ``hear`` with every command event, in the core's threads: it must be quick and must not raise."""
+    def listen(self, callback: Callable[[CommandEvent], None]) -> None:
+        """Call ``callback`` with every command event, in the core's threads: it must be quick and must not raise."""
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """Make a group of axes that cell.toml does not name, once."""
@@ -236,10 +236,10 @@ class MachineSession(AxisSession, Protocol):
         """The programs connected to this machine, beginning with the one that opened it; empty if no other can join."""
 
     @property
-    def has_command(self) -> bool:
+    def has_control(self) -> bool:
         """Whether this program has control of the machine; it may block for an answer."""
 
-    def take_command(self) -> None:
+    def take_control(self) -> None:
         """Give control to this program, after all moving axes have halted; blocks until then. Harmless if it has control.
 
         Raises:
@@ -247,15 +247,15 @@ class MachineSession(AxisSession, Protocol):
             Stopped: this program has been asked to stop.
         """
 
-    def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
-        """Call ``hear`` with the received and sent frames of the bus, a few at a time: those of ``can_ids``, or all.
+    def tap(self, callback: OnFrames, can_ids: Collection[int] = ()) -> None:
+        """Call ``callback`` with the received and sent frames of the bus, a few at a time: those of ``can_ids``, or all.
 
         It runs in threads of the core, or in the thread that delivers events, and must not block. Without a bus it is never called.
         Frames that are not read in time are left out.
         """
 
-    def untap(self, hear: HearFrames) -> None:
-        """Stop calling ``hear``."""
+    def untap(self, callback: OnFrames) -> None:
+        """Stop calling ``callback``."""
 
     @property
     def bus_time(self) -> datetime | None:

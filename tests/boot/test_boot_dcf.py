@@ -21,7 +21,7 @@ from axisbus.eds import assign, dcf, writer
 from axisbus.eds.io import reader
 from axisbus.errors import BootError
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 
 ROOT = Path(__file__).parents[2]
 PATH = ROOT / "eds" / "generic-cia402.eds"
@@ -161,11 +161,11 @@ def test_on_a_bus_pdos_of_the_dcf_are_set_and_a_pdo_table_wins(cell, tmp_path):
         x1803_1="0x483",
         x1803_2="254",
     )
-    with StandIns(name, [device_from_eds(GENERIC, 3)]) as stand_ins:
-        (made,) = stand_ins.devices
+    with SimulatedNetwork(name, [device_from_eds(GENERIC, 3)]) as simulated_nodes:
+        (made,) = simulated_nodes.devices
         with Machine.open(path):
             pass
-        with stand_ins.lock:
+        with simulated_nodes.lock:
             assert made.read(0x1A02, 1) == 0x606C_0020  # the table's
             assert made.read(0x1802, 2) == 1
             assert made.read(0x1A03, 1) == 0x6077_0010  # the DCF's

@@ -190,7 +190,7 @@ def test_a_frame_listener_gets_every_frame_with_remote_ones_until_the_block_ends
     channel: Channel, fake: FakeBus
 ) -> None:
     heard: list[tuple[int, bytes, bool]] = []
-    with channel.overheard(lambda frame: heard.append((frame.can_id, frame.data, frame.remote))):
+    with channel.frames_to(lambda frame: heard.append((frame.can_id, frame.data, frame.remote))):
         fake.inject(0x77F, "05")
         fake.inbox.put(can.Message(arbitration_id=0x701, is_remote_frame=True, is_extended_id=False))
         eventually(lambda: len(heard) == 2)
@@ -257,7 +257,7 @@ def test_a_frame_listener_that_raises_fails_the_channel(channel: Channel, fake: 
     def ear(_: object) -> None:
         raise ValueError("broken")
 
-    with channel.overheard(ear):
+    with channel.frames_to(ear):
         fake.inject(0x701, "05")
         eventually(lambda: channel.failure is not None)
     with pytest.raises(BusError, match="701h"):

@@ -186,7 +186,11 @@ def test_a_bus_off_is_reported_once_and_ends_with_a_restart(open_channel: Channe
     for _ in range(2):
         open_channel._follow(open_channel.controller.error_frame(0x40, bytes(8), 1.0))
     assert [type(error) for error in told] == [BusOff]
-    assert (open_channel.offs, open_channel.off is told[0], open_channel.last_off is told[0]) == (
+    assert (
+        open_channel.bus_off_count,
+        open_channel.off is told[0],
+        open_channel.last_bus_off is told[0],
+    ) == (
         1,
         True,
         True,
@@ -195,11 +199,11 @@ def test_a_bus_off_is_reported_once_and_ends_with_a_restart(open_channel: Channe
     with pytest.raises(BusOff):
         open_channel.send(0x201, b"")
     open_channel._follow(open_channel.controller.error_frame(0x100, bytes(8), 2.0))
-    assert (open_channel.off, open_channel.offs) == (None, 1)
+    assert (open_channel.off, open_channel.bus_off_count) == (None, 1)
     open_channel._follow(open_channel.controller.error_frame(0x100, bytes(8), 3.0))
-    assert (open_channel.off, open_channel.offs, len(told)) == (None, 2, 2)  # it went unheard
+    assert (open_channel.off, open_channel.bus_off_count, len(told)) == (None, 2, 2)  # it went unheard
     open_channel._follow(open_channel.controller.error_frame(0x04, bytes([0, 8, 0, 0, 0, 0, 97, 0]), 4.0))
-    assert (open_channel.offs, open_channel.controller.counters) == (2, ErrorCounters(97, 0))
+    assert (open_channel.bus_off_count, open_channel.controller.counters) == (2, ErrorCounters(97, 0))
 
 
 def test_a_driver_that_cannot_report_its_state_is_not_asked_again(fake: FakeBus, clock: HandClock) -> None:

@@ -135,7 +135,7 @@ def test_a_channel_passes_drained_frames_to_subscribers_and_frame_listeners(line
         channel.subscribe_cyclic(0x181, lambda data, _: heard.append(("slot", data)))
         channel.subscribe(0x181, lambda data, _: heard.append(("other", data)))
         line.far.send(can_frame(0x181, b"\5"))
-        with channel.overheard(lambda one: heard.append((f"ear {one.can_id:03X}", one.data))):
+        with channel.frames_to(lambda one: heard.append((f"ear {one.can_id:03X}", one.data))):
             channel.drain()
         line.far.send(can_frame(0x181, b"\6"))
         channel.drain()

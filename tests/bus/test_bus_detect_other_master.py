@@ -10,7 +10,7 @@ import can
 import pytest
 
 from axisbus.bus.link.channel import Channel
-from axisbus.bus.link.detect_other_master import require_alone
+from axisbus.bus.link.detect_other_master import require_no_other_master
 from axisbus.cia301.master_detection import ExpectedMasters
 from axisbus.errors import AdapterError, SecondMasterError, StateError
 from kit.bus.fake_bus import FakeBus, eventually
@@ -29,7 +29,7 @@ def later(action: object, seconds: float = 0.03) -> Iterator[None]:
 
 
 def test_a_quiet_bus_passes_the_check_for_another_master(channel: Channel, fake: FakeBus) -> None:
-    require_alone(channel, CAST, 0.05)
+    require_no_other_master(channel, CAST, 0.05)
     assert fake.sent == []
     assert fake.remote == []
 
@@ -39,7 +39,7 @@ def test_the_error_is_reported_in_plain_fields_and_nothing_was_sent(channel: Cha
         later(lambda: fake.inject(0x605, "40 41 60 00 00 00 00 00")),
         pytest.raises(SecondMasterError) as caught,
     ):
-        require_alone(channel, CAST, 0.2)
+        require_no_other_master(channel, CAST, 0.2)
     assert caught.value.heard == ("SDO requests to node 5 (605h): 1",)
     assert "it is not known which program" in caught.value.observed
     assert fake.sent == []
@@ -50,13 +50,13 @@ def test_a_remote_frame_of_guarding_is_reported_as_another_master_too(
 ) -> None:
     guard = can.Message(arbitration_id=0x705, is_remote_frame=True, is_extended_id=False)
     with later(lambda: fake.inbox.put(guard)), pytest.raises(SecondMasterError, match="node guarding"):
-        require_alone(channel, CAST, 0.2)
+        require_no_other_master(channel, CAST, 0.2)
 
 
 def test_frames_from_before_or_after_listening_do_not_count(channel: Channel, fake: FakeBus) -> None:
     fake.inject(0x77F, "05")
     eventually(lambda: channel.counters.received == 1)
-    require_alone(channel, CAST, 0.05)
+    require_no_other_master(channel, CAST, 0.05)
     fake.inject(0x77F, "05")
     eventually(lambda: channel.counters.received == 2)
     channel.check()
@@ -65,7 +65,7 @@ def test_frames_from_before_or_after_listening_do_not_count(channel: Channel, fa
 def test_an_adapter_that_fails_meanwhile_is_reported_as_that(channel: Channel, fake: FakeBus) -> None:
     fail = lambda: (fake.inject(0x77F, "05"), fake.fail_receiving(OSError("unplugged")))  # noqa: E731
     with later(fail), pytest.raises(AdapterError, match="stopped receiving"):
-        require_alone(channel, CAST, 0.2)
+        require_no_other_master(channel, CAST, 0.2)
 
 
 def test_a_controller_that_goes_bus_off_during_the_check_is_reported_as_bus_off(
@@ -73,7 +73,7 @@ def test_a_controller_that_goes_bus_off_during_the_check_is_reported_as_bus_off(
 ) -> None:
     fake.says = can.BusState.ERROR
     with pytest.raises(AdapterError, match="bus-off"):
-        require_alone(channel, CAST, 0.3)
+        require_no_other_master(channel, CAST, 0.3)
 
 
 def test_the_check_for_another_master_is_refused_in_the_receive_thread(
@@ -83,7 +83,7 @@ def test_the_check_for_another_master_is_refused_in_the_receive_thread(
 
     def receiver(_data: bytes, _stamp: float) -> None:
         try:
-            require_alone(channel, CAST, 0.01)
+            require_no_other_master(channel, CAST, 0.01)
         except StateError as error:
             caught.append(error)
 

@@ -117,14 +117,14 @@ def test_the_refusals_of_the_durand_slave_are_raised_with_their_code(
     assert caught.value.code == code
 
 
-@pytest.mark.parametrize("way", list(SdoTransferType))
+@pytest.mark.parametrize("transfer_type", list(SdoTransferType))
 @pytest.mark.parametrize("size", [1, 4, 5, 7, 8, 255, 256, 889, 890])
 def test_domains_are_transferred_in_both_directions(
-    peer: Peer, node: CanopenNode, size: int, way: SdoTransferType
+    peer: Peer, node: CanopenNode, size: int, transfer_type: SdoTransferType
 ) -> None:
-    node.sdo.download(0x2100, 0, BIG[:size], way=way)
+    node.sdo.download(0x2100, 0, BIG[:size], transfer_type=transfer_type)
     assert peer.od.read(0x2100, 0) == BIG[:size]
-    assert node.sdo.upload(0x2100, way=way) == BIG[:size]
+    assert node.sdo.upload(0x2100, transfer_type=transfer_type) == BIG[:size]
 
 
 def test_64_kib_in_blocks_with_their_progress(peer: Peer, node: CanopenNode) -> None:

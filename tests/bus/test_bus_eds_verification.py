@@ -19,7 +19,7 @@ from axisbus.cia301.datatypes import DataType
 from axisbus.eds import writer
 from axisbus.errors import SdoTimeout
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.sending_device import Talker
 
 ROOT = Path(__file__).parents[2]
@@ -34,11 +34,11 @@ def live():
 
     def put(text=GENERIC, dictionary=None):
         name = f"verify-{next(NUMBER)}"
-        stand_ins = StandIns(name, [device_from_eds(eds.loads(text.encode(), "live.eds"), 5)])
-        stand_ins.start()
+        simulated_nodes = SimulatedNetwork(name, [device_from_eds(eds.loads(text.encode(), "live.eds"), 5)])
+        simulated_nodes.start()
         channel = Channel.open("virtual", name)
         node = CanopenNode(channel, 5, dictionary)
-        opened.extend((node, channel, stand_ins))
+        opened.extend((node, channel, simulated_nodes))
         return node.sdo
 
     yield put
@@ -222,7 +222,7 @@ def asked(delay=0.0, gone_at=None):
         Channel.open("virtual", name) as channel,
         CanopenNode(channel, 5, None) as node,
     ):
-        made = skeleton(node.sdo, tell=told.append)
+        made = skeleton(node.sdo, on_note=told.append)
     return made, told, time.monotonic() - begun
 
 

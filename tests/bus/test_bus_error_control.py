@@ -66,7 +66,7 @@ def test_another_state_is_reported_to_its_subscribers(
     hear(fake, node, "05")
     events = NodeEvents(node.nmt)
     told: list[NodeEvent] = []
-    events.hear(told.append)
+    events.subscribe(told.append)
     hear(fake, node, data)
     events.look(time.monotonic())
     assert [(event.kind.name, event.state) for event in told] == [("STATE", state)]
@@ -105,7 +105,7 @@ def test_a_node_that_restarts_again_and_again_is_reported_once_a_second_with_the
     heard = hear(fake, node, "05")
     events = NodeEvents(node.nmt)
     every = []
-    events.hear(every.append)
+    events.subscribe(every.append)
     for look in range(250):  # a scan of 10 ms, and a state that changes in each
         hear(fake, node, "7f" if look % 2 == 0 else "05")
         events.look(heard + 0.01 * look)

@@ -13,9 +13,9 @@ from types import SimpleNamespace
 import can
 import pytest
 
-from axisbus.bus.link.raw_sockets import PythonCanLine, SocketCanLine, line_of
+from axisbus.bus.link.raw_sockets import PythonCanTransmitter, SocketCanTransmitter, transmitter_of
 from axisbus.bus.link.socketpair_bus import PairBus
-from axisbus.core.process.launch import cable
+from axisbus.core.process.launch import can_line
 
 
 @pytest.fixture
@@ -38,7 +38,7 @@ class OtherBus(SocketcanBus):
 
 
 def test_a_frame_is_the_struct_can_frame_of_linux(ends):
-    line = SocketCanLine(ends[0])
+    line = SocketCanTransmitter(ends[0])
     line.send(0x205, b"\1\2\3")
     line.send(0x1234_5678, bytes(8))
     line.send(0x7FF, b"")
@@ -52,7 +52,7 @@ def test_a_frame_is_the_struct_can_frame_of_linux(ends):
 
 
 def test_a_full_queue_is_refused_at_once_and_may_be_tried_again(ends):
-    line = SocketCanLine(ends[0])
+    line = SocketCanTransmitter(ends[0])
 
     def fill() -> None:
         for _ in range(100_000):
@@ -66,7 +66,7 @@ def test_a_full_queue_is_refused_at_once_and_may_be_tried_again(ends):
 
 
 def test_a_closed_socket_raises_the_error_of_python_can():
-    line = SocketCanLine(_closed())
+    line = SocketCanTransmitter(_closed())
     with pytest.raises(can.CanOperationError, match="Failed to transmit") as gone:
         line.send(0x205, b"")
     assert gone.value.error_code == errno.EBADF
@@ -79,9 +79,9 @@ def _closed() -> socket.socket:
 
 
 def test_only_the_socketcan_bus_of_python_can_is_bypassed(ends):
-    assert isinstance(line_of(SocketcanBus(ends[0]), None), SocketCanLine)
-    assert isinstance(line_of(SocketcanBus("no socket"), None), PythonCanLine)
-    assert isinstance(line_of(OtherBus(ends[0]), None), PythonCanLine)
+    assert isinstance(transmitter_of(SocketcanBus(ends[0]), None), SocketCanTransmitter)
+    assert isinstance(transmitter_of(SocketcanBus("no socket"), None), PythonCanTransmitter)
+    assert isinstance(transmitter_of(OtherBus(ends[0]), None), PythonCanTransmitter)
 
 
 @pytest.mark.parametrize(("can_id", "extended"), [(0x205, False), (0x7FF, False), (0x800, True)])
@@ -92,7 +92,7 @@ def test_any_other_adapter_gets_a_message_and_its_time(can_id, extended):
         def send(self, message, timeout) -> None:
             given.append((message, timeout))
 
-    line = PythonCanLine(Bus(), 0.05)
+    line = PythonCanTransmitter(Bus(), 0.05)
     line.send(can_id, b"\7")
     line.send_remote(can_id, 4)
     (data, first), (remote, second) = given
@@ -109,7 +109,7 @@ def test_any_other_adapter_gets_a_message_and_its_time(can_id, extended):
 @pytest.fixture
 def pair():
     """Both ends of a line between two processes: a program's, and that of its simulated drives."""
-    one, other = cable()
+    one, other = can_line()
     buses = PairBus(one), PairBus(other, of_drives=True)
     yield buses
     for bus in buses:
@@ -232,7 +232,7 @@ def test_a_line_can_be_waited_for_and_filtered_as_any_bus_of_python_cans(pair):
 
 
 def test_a_line_that_was_shut_down_is_closed_without_a_complaint(caplog):
-    ends = cable()
+    ends = can_line()
     bus = PairBus(ends[0])
     bus.shutdown()
     bus.shutdown()
@@ -246,12 +246,12 @@ def test_a_line_that_was_shut_down_is_closed_without_a_complaint(caplog):
 
 
 def test_many_frames_are_sent_in_order_by_few_calls(ends):
-    line = SocketCanLine(ends[0])
+    line = SocketCanTransmitter(ends[0])
     sent = [(0x200 + number, bytes((number,) * (number % 9))) for number in range(150)]
     sent[77] = (0x1234_5678, b"\7")
     assert line.send_all(sent) == 150
     ends[1].setblocking(False)
-    single = SocketCanLine(ends[0])
+    single = SocketCanTransmitter(ends[0])
     received = [ends[1].recv(100) for _ in sent]
     for can_id, data in sent:
         single.send(can_id, data)
@@ -259,7 +259,7 @@ def test_many_frames_are_sent_in_order_by_few_calls(ends):
 
 
 def test_of_many_frames_as_many_are_taken_as_the_queue_has_room_for(ends):
-    line = SocketCanLine(ends[0])
+    line = SocketCanTransmitter(ends[0])
     filled = 0
     while (took := line.send_all([(0x205, bytes(8))] * 100)) == 100:
         filled += took
@@ -270,11 +270,11 @@ def test_of_many_frames_as_many_are_taken_as_the_queue_has_room_for(ends):
 
 
 def test_a_closed_socket_takes_none_of_several_frames():
-    line = SocketCanLine(_closed())
+    line = SocketCanTransmitter(_closed())
     assert line.send_all([(0x205, b"")]) == 0
     with pytest.raises(can.CanOperationError):
         line.send(0x205, b"")
 
 
 def test_another_adapter_takes_frames_one_at_a_time():
-    assert PythonCanLine(None, None).send_all([(0x205, b"")]) == 0
+    assert PythonCanTransmitter(None, None).send_all([(0x205, b"")]) == 0

@@ -21,7 +21,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import LssRefused
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 
 _channels = (f"test-bus-lss-{number}" for number in itertools.count())
 PATIENT = LssTiming(floor=0.03, first=0.3)  # the machine may be busy
@@ -41,7 +41,7 @@ def bus(eds: Eds) -> Iterator[Bus]:
         def make(*serials: int, node_id: int = 255) -> tuple[list[Device], LssMaster, Channel]:
             name = next(_channels)
             devices = [device_from_eds(eds, node_id, serial=serial, seed=serial) for serial in serials]
-            stack.enter_context(StandIns(name, devices))
+            stack.enter_context(SimulatedNetwork(name, devices))
             channel = stack.enter_context(Channel.open("virtual", name))
             return devices, LssMaster(channel, PATIENT, beside_operation=True), channel
 

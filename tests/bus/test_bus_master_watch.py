@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEventKind
-from axisbus.bus.node.master_watch import AGAIN, Echoes, MasterWatch
+from axisbus.bus.node.master_watch import STOP_PERIOD, Echoes, MasterWatch
 from axisbus.cia301.master_detection import ExpectedMasters
 from kit.bus.fake_bus import FakeBus, eventually
 
@@ -70,7 +70,7 @@ def test_the_nodes_of_another_master_are_stopped_at_once_and_again_as_long_as_it
 ):
     for tick in range(100):
         bus.hear(0x205, "0F 00", 10.0 + tick / 200)
-    assert 1 + int(0.49 / AGAIN) <= len(stopped) <= 2 + int(0.5 / AGAIN)
+    assert 1 + int(0.49 / STOP_PERIOD) <= len(stopped) <= 2 + int(0.5 / STOP_PERIOD)
     assert all(nodes == {5} for _, nodes in stopped)
     assert "RPDOs to node 5 (205h)" in stopped[0][0]
 
@@ -151,7 +151,7 @@ def test_an_adapter_that_returns_our_own_frames_is_detected(
         fake.inject(0x601 if returns else 0x581, f"40 {tick:02X} 10 00 00 00 00 00")
     eventually(lambda: channel.counters.received == 5)
     echoes.end()
-    assert echoes.there is returns
+    assert echoes.detected is returns
 
 
 def test_another_tool_that_reads_is_no_echo(channel: Channel, fake: FakeBus) -> None:
@@ -162,7 +162,7 @@ def test_another_tool_that_reads_is_no_echo(channel: Channel, fake: FakeBus) -> 
         fake.inject(0x605, "40 41 60 00 00 00 00 00")
     eventually(lambda: channel.counters.received == 3)
     echoes.end()
-    assert not echoes.there
+    assert not echoes.detected
 
 
 def test_our_own_frames_are_not_asked_of_an_adapter() -> None:

@@ -21,14 +21,18 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def give(channel: Channel, node: CanopenNode, command: NmtCommand) -> nmt_commands.Outcome:
-    ways = nmt_commands.ways([node])
-    return nmt_commands.command(channel, [node], command, ways, everybody=False)[0]
+    confirmations = nmt_commands.confirmations([node])
+    return nmt_commands.command(channel, [node], command, confirmations, to_all=False)[0]
 
 
 def test_guarding_confirms_if_life_guarding_is_off(fake, channel, slave, node):
     slave.answers_guarding = True
     outcome = give(channel, node, NmtCommand.START)
-    assert (outcome.ok, outcome.way.by, outcome.state) == (True, Confirmation.GUARDING, NmtState.OPERATIONAL)
+    assert (outcome.ok, outcome.confirmation.by, outcome.state) == (
+        True,
+        Confirmation.GUARDING,
+        NmtState.OPERATIONAL,
+    )
     assert slave.commands == [1]
 
 
@@ -37,13 +41,13 @@ def test_life_guarding_is_never_armed_by_asking(fake, channel, slave, node):
     slave.objects[0x100C, 0] = (100).to_bytes(U16, "little")
     slave.objects[0x100D, 0] = b"\3"
     outcome = give(channel, node, NmtCommand.START)
-    assert (outcome.ok, outcome.way.by) == (True, Confirmation.SDO)
+    assert (outcome.ok, outcome.confirmation.by) == (True, Confirmation.SDO)
     assert fake.remote == []
 
 
 def test_a_node_that_answers_no_remote_frame_is_seen_by_its_sdo_server(channel, slave, node):
     started = give(channel, node, NmtCommand.START)
-    assert (started.ok, started.way.by) == (True, Confirmation.SDO)
+    assert (started.ok, started.confirmation.by) == (True, Confirmation.SDO)
     stopped = give(channel, node, NmtCommand.STOP)
     assert (stopped.ok, stopped.state) == (True, NmtState.STOPPED)
 
@@ -51,18 +55,20 @@ def test_a_node_that_answers_no_remote_frame_is_seen_by_its_sdo_server(channel, 
 def test_a_heartbeat_confirms_and_reports_the_state_before(fake, channel, slave, node):
     fake.inject(0x705, "7F")
     slave.objects[0x1017, 0] = (100).to_bytes(U16, "little")
-    ways = nmt_commands.ways([node])
-    assert ways[5] == nmt_commands.NmtConfirmation(Confirmation.HEARTBEAT, NmtState.PRE_OPERATIONAL, 0.1)
+    confirmations = nmt_commands.confirmations([node])
+    assert confirmations[5] == nmt_commands.NmtConfirmation(
+        Confirmation.HEARTBEAT, NmtState.PRE_OPERATIONAL, 0.1
+    )
     fake.peers.append(lambda can_id, *_: [(0x705, b"\5")] if can_id == 0 else [])
-    outcome = nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
+    outcome = nmt_commands.command(channel, [node], NmtCommand.START, confirmations, to_all=False)[0]
     assert outcome.text.startswith("operational (was pre-operational), confirmed by its heartbeat")
 
 
 def test_a_heartbeat_of_the_old_state_confirms_nothing(fake, channel, slave, node):
     fake.inject(0x705, "7F")
-    ways = nmt_commands.ways([node])
+    confirmations = nmt_commands.confirmations([node])
     fake.peers.append(lambda can_id, *_: [(0x705, b"\x7f")] if can_id == 0 else [])
-    outcome = nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=False)[0]
+    outcome = nmt_commands.command(channel, [node], NmtCommand.START, confirmations, to_all=False)[0]
     assert not outcome.ok
     assert "it still reports pre-operational" in outcome.text
 
@@ -70,7 +76,7 @@ def test_a_heartbeat_of_the_old_state_confirms_nothing(fake, channel, slave, nod
 def test_a_reset_needs_a_boot_up_message_after_the_command(fake, channel, slave, node):
     fake.inject(0x705, "00")
     outcome = give(channel, node, NmtCommand.RESET_COMMUNICATION)
-    assert (outcome.ok, outcome.way.by) == (True, Confirmation.BOOT_UP)
+    assert (outcome.ok, outcome.confirmation.by) == (True, Confirmation.BOOT_UP)
     fake.peers.clear()
     assert not give(channel, node, NmtCommand.RESET_NODE).ok
 
@@ -84,6 +90,6 @@ def test_a_node_that_shows_nothing_is_an_outcome(fake, channel):
 
 
 def test_one_command_to_all_nodes_is_one_frame(fake, channel, slave, node):
-    ways = nmt_commands.ways([node])
-    nmt_commands.command(channel, [node], NmtCommand.START, ways, everybody=True)
+    confirmations = nmt_commands.confirmations([node])
+    nmt_commands.command(channel, [node], NmtCommand.START, confirmations, to_all=True)
     assert fake.frames(0) == [b"\1\0"]

@@ -95,9 +95,9 @@ def test_a_controller_reports_each_change_once_and_leaves_bus_off_by_a_restart()
 
 def test_a_restart_without_a_received_bus_off_counts_as_a_bus_off(can0: Channel, fake: FakeBus) -> None:
     fake.inject_error_frame(RESTARTED)
-    eventually(lambda: can0.offs == 1)
+    eventually(lambda: can0.bus_off_count == 1)
     eventually(lambda: can0.off is None)
-    assert can0.last_off is not None
+    assert can0.last_bus_off is not None
 
 
 def test_a_driver_that_reports_no_restart_reports_the_new_condition(can0: Channel, fake: FakeBus) -> None:
@@ -139,7 +139,7 @@ def test_after_a_restart_the_channel_sends_again_and_nothing_of_before(can0: Cha
     restart(fake, can0)
     can0.send(0x202, b"\x06\x00")
     assert fake.sent == [(0x202, b"\x06\x00")]
-    assert (can0.offs, can0.controller.condition) == (1, CanErrorState.ACTIVE)
+    assert (can0.bus_off_count, can0.controller.condition) == (1, CanErrorState.ACTIVE)
 
 
 def test_a_send_that_waits_for_a_full_queue_ends_with_the_bus_off_and_is_not_tried_again(

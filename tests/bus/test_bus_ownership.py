@@ -173,7 +173,7 @@ def test_a_claim_of_the_same_user_or_of_root_counts_on_every_adapter(adapter):
     assert ownership._counts(claimed(0), adapter)
 
 
-@pytest.mark.parametrize("user", [STRANGER, claims.NOBODY])
+@pytest.mark.parametrize("user", [STRANGER, claims.UNKNOWN_ID])
 def test_on_socketcan_the_claim_of_another_user_counts_only_with_the_link_open(user, tmp_path, monkeypatch):
     name = "\0axisbus mine"
     can_id, mask = claims._filter(name)
@@ -333,7 +333,7 @@ def test_a_process_that_sees_another_claim_after_making_its_own_withdraws_and_re
     def claim(*arguments, **options):
         own = made(*arguments, **options)
         if not rivals:
-            rivals.append(made(key, CellFileId.of(None), exclusive=True, door=False))
+            rivals.append(made(key, CellFileId.of(None), exclusive=True, accepts_clients=False))
         return own
 
     def wait(_):

@@ -16,7 +16,7 @@ from axisbus.eds import load
 from axisbus.errors import SdoAbort, SdoTimeout
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.bus.node_threads import on_each
 
 EDS = load(Path(__file__).parents[2] / "eds" / "generic-cia402.eds")
@@ -35,7 +35,7 @@ def clients(devices: list[Device]) -> Iterator[list[SdoClient]]:
     name = f"sixteen {next(_names)}"
     with ExitStack() as stack:
         channel = stack.enter_context(Channel.open("virtual", name))
-        stack.enter_context(StandIns(name, devices))
+        stack.enter_context(SimulatedNetwork(name, devices))
         made = [SdoClient(channel, device.node_id, timeout=5.0) for device in devices]
         for client in made:
             stack.callback(client.close)

@@ -272,7 +272,7 @@ def short_bus_off(port: CanPort, node: CanopenNode, fake: FakeBus) -> None:
     fake.says = can.BusState.ACTIVE
     eventually(lambda: node.channel.off is None)
     seen = port.read(time.monotonic())
-    assert (seen.operational, seen.bus) == (False, node.channel.last_off)
+    assert (seen.operational, seen.bus) == (False, node.channel.last_bus_off)
     assert port.read(time.monotonic()).bus is None  # once
 
 

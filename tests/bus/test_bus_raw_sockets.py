@@ -11,7 +11,7 @@ from can.interfaces.socketcan.socketcan import capture_message
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.bus.link.raw_sockets import PythonCanIntake, SocketCanIntake, intake_of
+from axisbus.bus.link.raw_sockets import PythonCanSource, SocketCanSource, frame_source_of
 from kit.bus.can_frame import can_frame
 
 SO_TIMESTAMPNS = 35
@@ -26,7 +26,7 @@ class Ends:
         self.other, self.single = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         for end in (self.near, self.single):
             end.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
-        self.intake = SocketCanIntake(self.near)
+        self.intake = SocketCanSource(self.near)
 
     def send(self, frame: bytes) -> None:
         """Put a frame on both."""
@@ -124,8 +124,8 @@ def test_other_adapters_and_fd_links_are_read_by_python_can(ends):
         socket = ends.near
         protocol = can.CanProtocol.CAN_FD
 
-    assert isinstance(intake_of(SocketcanBus()), PythonCanIntake)
+    assert isinstance(frame_source_of(SocketcanBus()), PythonCanSource)
     SocketcanBus.protocol = can.CanProtocol.CAN_20
-    assert isinstance(intake_of(SocketcanBus()), SocketCanIntake)
+    assert isinstance(frame_source_of(SocketcanBus()), SocketCanSource)
     with can.Bus(interface="virtual", channel="intake") as bus:
-        assert isinstance(intake_of(bus), PythonCanIntake)
+        assert isinstance(frame_source_of(bus), PythonCanSource)

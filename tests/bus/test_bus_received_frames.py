@@ -61,7 +61,7 @@ def test_each_change_is_one_event_with_its_times():
     node = monitor()
     told = []
     events = NodeEvents(node)
-    events.hear(told.append)
+    events.subscribe(told.append)
     events.look(2.0)
     assert events_of(events) == []
     node.state, node.stamp = STOPPED, 2.5
@@ -184,8 +184,8 @@ def test_each_event_reaches_every_subscriber():
     node = monitor()
     events = NodeEvents(node)
     first, second = [], []
-    events.hear(first.append)
-    events.hear(second.append)
+    events.subscribe(first.append)
+    events.subscribe(second.append)
     node.bootups = 1
     events.look(2.0)
     assert first == second == list(events.history)
@@ -731,20 +731,22 @@ class Named:
     ],
 )
 def test_how_a_silent_node_can_show_its_state(clock, numbers, answers, way):
-    assert nmt_commands.ways([Named(clock, 5, numbers, answers)]) == {5: way}
+    assert nmt_commands.confirmations([Named(clock, 5, numbers, answers)]) == {5: way}
     assert clock.time == pytest.approx(1.2, abs=0.03)
 
 
 def test_a_node_whose_heartbeat_was_already_received_is_not_listened_for(clock):
     node = Named(clock, 6, {0x1017: 200})
     node.nmt.reports, node.nmt.state = 1, OPERATIONAL
-    assert nmt_commands.ways([node]) == {6: NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)}
+    assert nmt_commands.confirmations([node]) == {
+        6: NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.2)
+    }
     assert clock.time == 0.0
-    assert nmt_commands.ways([]) == {}
+    assert nmt_commands.confirmations([]) == {}
 
 
 def outcome(node: Named, wanted: NmtCommand, way: NmtConfirmation, everybody: bool = False):
-    [found] = nmt_commands.command(node.channel, [node], wanted, {node.node_id: way}, everybody=everybody)
+    [found] = nmt_commands.command(node.channel, [node], wanted, {node.node_id: way}, to_all=everybody)
     return found
 
 
@@ -798,7 +800,7 @@ def test_without_other_confirmation_the_sdo_server_confirms(clock, wanted, from_
 def test_a_reset_is_confirmed_by_a_boot_up_within_five_seconds(clock, wanted):
     node = Named(clock)
     found = outcome(node, wanted, NmtConfirmation(Confirmation.HEARTBEAT, OPERATIONAL, 0.5))
-    assert (found.ok, found.way) == (False, NmtConfirmation(Confirmation.BOOT_UP, OPERATIONAL, 0.5))
+    assert (found.ok, found.confirmation) == (False, NmtConfirmation(Confirmation.BOOT_UP, OPERATIONAL, 0.5))
     assert found.seconds == pytest.approx(5.0, abs=0.03)
     again = Named(clock)
 

@@ -389,7 +389,7 @@ def test_answers_left_from_a_transfer_are_dropped_and_counted_when_the_next_one_
         fake.inject(0x585, "4B 41 60 00 37 06 00 00")
     eventually(lambda: len(line.inbox) == 2)
     line.wake()
-    line.rest()
+    line.finish()
     line.open()
     assert len(line.inbox) == 0
     assert [drop.count for drop in channel.drops.found] == [2]

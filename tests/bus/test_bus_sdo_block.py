@@ -75,17 +75,17 @@ class SimulatedNode:
 
 
 @pytest.fixture
-def stand_in(fake: FakeBus) -> SimulatedNode:
+def simulated_node(fake: FakeBus) -> SimulatedNode:
     return SimulatedNode(fake)
 
 
 @pytest.fixture
-def sdo(channel: Channel, stand_in: SimulatedNode) -> SdoClient:
+def sdo(channel: Channel, simulated_node: SimulatedNode) -> SdoClient:
     return SdoClient(channel, NODE, timeout=5.0)
 
 
 @pytest.fixture
-def hasty(channel: Channel, stand_in: SimulatedNode) -> SdoClient:
+def hasty(channel: Channel, simulated_node: SimulatedNode) -> SdoClient:
     return SdoClient(channel, NODE, timeout=0.25, tries=5)
 
 
@@ -95,10 +95,10 @@ def asked(fake: FakeBus) -> list[str]:
 
 
 def test_many_bytes_are_transferred_in_blocks_and_few_are_not(
-    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
+    sdo: SdoClient, fake: FakeBus, simulated_node: SimulatedNode
 ) -> None:
     sdo.download(FILE, 0, DATA)
-    assert stand_in.content == DATA
+    assert simulated_node.content == DATA
     assert sdo.upload(FILE) == DATA
     assert asked(fake) == ["c6", "40", "a4"]
     fake.sent.clear()
@@ -122,32 +122,32 @@ def test_segments_leave_in_groups_of_four_with_room_for_the_scan_s_frames_betwee
     channel: Channel,
     sdo: SdoClient,
     fake: FakeBus,
-    stand_in: SimulatedNode,
+    simulated_node: SimulatedNode,
     segments: int,
     pauses: list[int],
 ) -> None:
     seen: list[int] = []
     channel.clock = Pausing(lambda: seen.append(len(fake.frames(0x605)) - 1))  # less the one that begins
     data = DATA[: 7 * segments]
-    sdo.download(FILE, 0, data, way=SdoTransferType.BLOCK)
-    assert stand_in.content == data
+    sdo.download(FILE, 0, data, transfer_type=SdoTransferType.BLOCK)
+    assert simulated_node.content == data
     assert seen == pauses
 
 
 def test_a_transfer_that_is_not_wanted_any_more_ends_between_two_groups(
-    channel: Channel, sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
+    channel: Channel, sdo: SdoClient, fake: FakeBus, simulated_node: SimulatedNode
 ) -> None:
     channel.clock = Pausing(sdo.cancel)
     with pytest.raises(Interrupted):
-        sdo.download(FILE, 0, DATA, way=SdoTransferType.BLOCK)
+        sdo.download(FILE, 0, DATA, transfer_type=SdoTransferType.BLOCK)
     assert len(fake.frames(0x605)) == 1 + 4 + 1
     assert fake.frames(0x605)[-1].hex() == GENERAL_ABORT
 
 
 def test_block_transfers_are_tried_once_with_a_node_that_does_not_support_them(
-    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
+    sdo: SdoClient, fake: FakeBus, simulated_node: SimulatedNode
 ) -> None:
-    stand_in.device.dials.sdo_block = False
+    simulated_node.device.dials.sdo_block = False
     for _ in range(2):
         sdo.download(FILE, 0, DATA)
         assert sdo.upload(FILE) == DATA
@@ -155,7 +155,7 @@ def test_block_transfers_are_tried_once_with_a_node_that_does_not_support_them(
 
 
 @pytest.mark.parametrize(
-    ("way", "lost"),
+    ("transfer_type", "lost"),
     [
         (SdoTransferType.NORMAL, 1),
         (SdoTransferType.NORMAL, 60),
@@ -166,22 +166,24 @@ def test_block_transfers_are_tried_once_with_a_node_that_does_not_support_them(
     ],
 )
 def test_a_lost_frame_costs_time_and_nothing_else(
-    hasty: SdoClient, stand_in: SimulatedNode, way: SdoTransferType, lost: int
+    hasty: SdoClient, simulated_node: SimulatedNode, transfer_type: SdoTransferType, lost: int
 ) -> None:
-    dials = stand_in.device.dials
+    dials = simulated_node.device.dials
     dials.sdo_lost = {lost}
-    hasty.download(FILE, 0, DATA, way=way)
-    assert stand_in.content == DATA
+    hasty.download(FILE, 0, DATA, transfer_type=transfer_type)
+    assert simulated_node.content == DATA
     assert dials.sdo_frames > lost
     dials.sdo_frames = 0
-    assert hasty.upload(FILE, way=way) == DATA
+    assert hasty.upload(FILE, transfer_type=transfer_type) == DATA
 
 
-def test_a_node_that_falls_silent_in_a_block_is_a_time_out(hasty: SdoClient, stand_in: SimulatedNode) -> None:
-    stand_in.device.dials.sdo_lost = set(range(100, 100_000))
+def test_a_node_that_falls_silent_in_a_block_is_a_time_out(
+    hasty: SdoClient, simulated_node: SimulatedNode
+) -> None:
+    simulated_node.device.dials.sdo_lost = set(range(100, 100_000))
     with pytest.raises(SdoTimeout, match="2100h:00"):
         hasty.download(FILE, 0, DATA)
-    assert stand_in.content == b""
+    assert simulated_node.content == b""
 
 
 def test_a_server_that_never_confirms_a_segment_is_an_sdo_error(channel: Channel, fake: FakeBus) -> None:
@@ -195,23 +197,23 @@ def test_a_server_that_never_confirms_a_segment_is_an_sdo_error(channel: Channel
     fake.peers.append(peer)
     client = SdoClient(channel, NODE, timeout=5.0, tries=1)
     with pytest.raises(SdoError, match="failed in 1 attempt") as caught:
-        client.download(FILE, 0, DATA, way=SdoTransferType.BLOCK)
+        client.download(FILE, 0, DATA, transfer_type=SdoTransferType.BLOCK)
     assert "without any received segment" in caught.value.observed
     assert fake.frames(0x605)[-1].hex() == "8000210003000405"
 
 
 def test_cancel_in_a_block_aborts_it_at_the_node_and_the_next_transfer_is_correct(
-    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
+    sdo: SdoClient, fake: FakeBus, simulated_node: SimulatedNode
 ) -> None:
     with pytest.raises(Interrupted):
         sdo.download(FILE, 0, DATA, progress=lambda _done, _all: sdo.cancel())
     assert fake.frames(0x605)[-1].hex() == GENERAL_ABORT
-    assert stand_in.content == b""
+    assert simulated_node.content == b""
     assert sdo.read(0x2000) == 0x1234
 
 
 def test_an_urgent_write_is_sent_before_the_rest_of_a_block(
-    sdo: SdoClient, fake: FakeBus, stand_in: SimulatedNode
+    sdo: SdoClient, fake: FakeBus, simulated_node: SimulatedNode
 ) -> None:
     """A quick stop of a drive without a mapped controlword, while its firmware is written."""
     urgent = threading.Thread(target=lambda: sdo.download_urgent(0x6040, 0, b"\x02\x00"))
@@ -223,7 +225,7 @@ def test_an_urgent_write_is_sent_before_the_rest_of_a_block(
     with pytest.raises(Interrupted):
         sdo.download(FILE, 0, DATA * 20, progress=stop)
     urgent.join(5)
-    assert stand_in.device.dictionary.values[0x6040 << 8] == 0x02
+    assert simulated_node.device.dictionary.values[0x6040 << 8] == 0x02
     sent = [frame.hex() for frame in fake.frames(0x605)]
     assert sent.index("2b40600002000000") == sent.index(GENERAL_ABORT) + 1
 
@@ -233,7 +235,9 @@ def test_progress_counts_bytes(sdo: SdoClient) -> None:
     sdo.download(FILE, 0, DATA, progress=lambda done, all_: seen.append((done, all_)))
     assert seen == [(0, 3000), (889, 3000), (1778, 3000), (2667, 3000), (3000, 3000)]
     seen.clear()
-    sdo.upload(FILE, way=SdoTransferType.NORMAL, progress=lambda done, all_: seen.append((done, all_)))
+    sdo.upload(
+        FILE, transfer_type=SdoTransferType.NORMAL, progress=lambda done, all_: seen.append((done, all_))
+    )
     assert seen[:3] == [(0, 3000), (7, 3000), (14, 3000)]
     assert seen[-1] == (3000, 3000)
 
@@ -251,9 +255,11 @@ def second(channel: Channel, sdo: SdoClient) -> Iterator[SdoClient]:
     client.close()
 
 
-def test_an_additional_channel_is_used(second: SdoClient, fake: FakeBus, stand_in: SimulatedNode) -> None:
+def test_an_additional_channel_is_used(
+    second: SdoClient, fake: FakeBus, simulated_node: SimulatedNode
+) -> None:
     second.download(FILE, 0, DATA)
-    assert stand_in.content == DATA
+    assert simulated_node.content == DATA
     assert second.read(0x2000, data_type=DataType.UNSIGNED16) == 0x1234
     assert fake.frames(0x655)[0].hex() == "c6002100b80b0000"
 

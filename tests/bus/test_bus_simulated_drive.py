@@ -26,7 +26,7 @@ sim_build = pytest.importorskip("axisbus.sim.build")
 
 NODES = (3, 4)
 _channels = itertools.count()
-_stand_ins: list[Any] = []
+_simulated_nodes: list[Any] = []
 
 
 @pytest.fixture
@@ -36,8 +36,8 @@ def nodes() -> Iterator[list[CanopenNode]]:
     with Channel.open(*line(name)) as channel, ExitStack() as stack:
         made = [stack.enter_context(CanopenNode(channel, node_id, load(EDS))) for node_id in NODES]
         devices = [sim_build.device_from_eds(load(EDS), node_id) for node_id in NODES]
-        with sim_network.StandIns(line(name)[1], devices, interface=line(name)[0]) as stand_ins:
-            _stand_ins.append(stand_ins)
+        with sim_network.SimulatedNetwork(line(name)[1], devices, interface=line(name)[0]) as simulated_nodes:
+            _simulated_nodes.append(simulated_nodes)
             for node in made:
                 node.nmt.wait_bootup(5.0)
             yield made
@@ -111,7 +111,7 @@ def test_a_drive_that_sends_its_tpdos_only_on_request_is_requested(
 ) -> None:
     """The statusword comes by remote frames every 20 ms, and the drive is taken to operation enabled with it."""
     node = nodes[0]
-    _stand_ins[-1].nodes[0].device.dials.rtr = True
+    _simulated_nodes[-1].nodes[0].device.dials.rtr = True
     node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
     set_pdo(node.sdo, False, 1, transmission_type=kind, rtr=True)
     policy = Policy(remap=False, fixed=frozenset({(False, 1)}), requests={1: 0.02})

@@ -52,7 +52,7 @@ def port_on(node: CanopenNode, drive: tuple[tuple[str, int], ...], primed: dict[
     )
     port = CanPort(node, plan, scan_period=PERIOD)
     port._poller = None
-    port._incoming.samples.update(primed)
+    port._tpdo_inputs.samples.update(primed)
     return port
 
 
@@ -88,13 +88,13 @@ def test_the_short_look_gives_the_samples_of_the_whole_one(node: CanopenNode, dr
             data, stamp = packed(dice, mapping), now - dice.choice((0.001, 0.0, 0.0035, 0.02, -0.0001))
             for port in (short, whole):
                 port._slots[n].on_frame(data, stamp)
-        whole._incoming.steady = False
-        steady = short._incoming.steady
+        whole._tpdo_inputs.steady = False
+        steady = short._tpdo_inputs.steady
         found = events(node, short, now)
         assert found == events(node, whole, now), cycle
-        short_looks += steady and short._incoming._ahead
+        short_looks += steady and short._tpdo_inputs._unrecorded
         if dice.random() < 0.01:
-            short._incoming.steady = (
+            short._tpdo_inputs.steady = (
                 False  # now and then the whole look has to find everything as it would be
             )
     if drive in DRIVES[:2]:
@@ -117,8 +117,8 @@ def trouble(dice: random.Random, node: CanopenNode, now: float) -> None:
     elif what < 0.06:
         nmt.deadline = now + 10.0
     elif what < 0.063:
-        channel.off = channel.last_off = BusOff("the bus is off")
-        channel.offs += 1
+        channel.off = channel.last_bus_off = BusOff("the bus is off")
+        channel.bus_off_count += 1
     elif what < 0.08:
         channel.off = None
     elif what < 0.09:
@@ -127,8 +127,8 @@ def trouble(dice: random.Random, node: CanopenNode, now: float) -> None:
 
 def short_bus_off(node: CanopenNode) -> None:
     """A bus-off that has ended before the next look."""
-    node.channel.last_off = BusOff("off")
-    node.channel.offs += 1
+    node.channel.last_bus_off = BusOff("off")
+    node.channel.bus_off_count += 1
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_any_event_of_the_node_or_the_bus_ends_the_fast_path_at_once(
     for _ in range(3):
         now += PERIOD
         assert look()
-    assert port._incoming._ahead
+    assert port._tpdo_inputs._unrecorded
     change(node)
     now += PERIOD
     assert not look()
@@ -185,7 +185,7 @@ def test_a_short_look_ends_if_frames_fall_behind_sync_and_their_values_have_its_
         if len(asked) > answers and cycle == 35:  # the answer is as late as the frames
             answers = len(asked)
             node.sdo.trips.note(now - late * PERIOD, now + 0.0005)
-        steady = port._incoming.steady
+        steady = port._tpdo_inputs.steady
         inputs = port.read(now + 0.002)
         if inputs.position is not None:
             found.append((steady, inputs.position, inputs.lag))

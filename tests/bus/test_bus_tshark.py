@@ -28,7 +28,7 @@ from axisbus.eds import load
 from axisbus.errors import SdoAbort
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.bus.fake_bus import eventually
 from kit.bus.master import EDS, Master
 
@@ -72,7 +72,7 @@ def session() -> Iterator[list[can.Message]]:
         node = stack.enter_context(CanopenNode(channel, NODE, load(EDS)))
         device = device_from_eds(load(EDS), NODE)
         device.dials.rtr = True
-        stack.enter_context(StandIns(name, [device]))
+        stack.enter_context(SimulatedNetwork(name, [device]))
         node.nmt.wait_bootup(5.0)
         play(channel, node, device)
         eventually(lambda: any(bytes(message.data) == b"\x02\x05" for message in recording.of(0x000)))

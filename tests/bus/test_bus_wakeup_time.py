@@ -6,14 +6,14 @@ import random
 
 import pytest
 
-from axisbus.bus.cycle import Waking
+from axisbus.bus.cycle import SleepMargin
 
 MOST = 100e-6
 
 
-def lived(*lates: float) -> Waking:
+def lived(*lates: float) -> SleepMargin:
     """The allowance learned from sleeps that were late by so many microseconds."""
-    waking = Waking(MOST)
+    waking = SleepMargin(MOST)
     for late in lates:
         waking.note(late * 1e-6)
     return waking
@@ -42,7 +42,7 @@ def test_a_later_waking_counts_at_once_and_for_a_hundred_wakings():
 @pytest.mark.parametrize("seed", range(20))
 def test_of_sleeps_that_are_late_by_anything_between_hardly_one_ends_after_its_time(seed: int):
     chance = random.Random(seed)
-    waking, late = Waking(MOST), 0
+    waking, late = SleepMargin(MOST), 0
     for _ in range(2000):
         needed = chance.uniform(10e-6, 40e-6)
         late += needed > waking.early

@@ -303,7 +303,7 @@ def test_the_program_transfer_has_the_deadline_of_the_plan_and_reports_its_progr
     loader = Loader()
     boot(loader, deadline=45.0)
     (transfer,) = [each for each in loader.asked if isinstance(each, b.ProgramDownload)]
-    assert (transfer.deadline, transfer.tries, transfer.way) == (45.0, 1, SdoTransferType.AUTO)
+    assert (transfer.deadline, transfer.tries, transfer.transfer_type) == (45.0, 1, SdoTransferType.AUTO)
 
 
 def test_a_transfer_that_broke_down_is_repeated_only_after_stop_and_clear_and_last_without_blocks():
@@ -312,7 +312,7 @@ def test_a_transfer_that_broke_down_is_repeated_only_after_stop_and_clear_and_la
     outcome = boot(loader)
     assert outcome.ok
     assert loader.orders() == [0, 3, "data"] * 3 + [1]
-    ways = [each.way for each in loader.asked if isinstance(each, b.ProgramDownload)]
+    ways = [each.transfer_type for each in loader.asked if isinstance(each, b.ProgramDownload)]
     assert ways == [SdoTransferType.AUTO, SdoTransferType.AUTO, SdoTransferType.NORMAL]
     assert outcome.retries == 2
 

@@ -15,7 +15,7 @@ from axisbus.drives import registry
 from axisbus.drives.plugin import DrivePlugin
 from axisbus.eds import load, loads
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit import command_line
 
 # Numbers by hand: objects of the generic drive that a configuration changes, with their new values.
@@ -32,29 +32,29 @@ def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
 @pytest.fixture
 def bus():
     """Nodes 5 and 6 on a bus of their own: the options that reach it, and the drives."""
-    with command_line.drives(5, 6) as (stand_ins, channel):
-        yield ("-i", "virtual", "-c", channel), stand_ins
+    with command_line.drives(5, 6) as (simulated_nodes, channel):
+        yield ("-i", "virtual", "-c", channel), simulated_nodes
 
 
-def _set(stand_ins, values, device=0):
-    with stand_ins.lock:
+def _set(simulated_nodes, values, device=0):
+    with simulated_nodes.lock:
         for key, value in values.items():
-            stand_ins.devices[device].write(*key, value)
+            simulated_nodes.devices[device].write(*key, value)
 
 
-def _held(stand_ins, keys=CHANGES, device=0):
-    with stand_ins.lock:
-        return {key: stand_ins.devices[device].read(*key) for key in keys}
+def _held(simulated_nodes, keys=CHANGES, device=0):
+    with simulated_nodes.lock:
+        return {key: simulated_nodes.devices[device].read(*key) for key in keys}
 
 
 @pytest.fixture
 def saved(axisbus, bus):
     """A backup of node 5 with the changes, after which the drive has its factory values again."""
-    options, stand_ins = bus
-    factory = _held(stand_ins)
-    _set(stand_ins, CHANGES)
+    options, simulated_nodes = bus
+    factory = _held(simulated_nodes)
+    _set(simulated_nodes, CHANGES)
     assert axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "x.dcf").code == 0
-    _set(stand_ins, factory)
+    _set(simulated_nodes, factory)
     return factory
 
 
@@ -77,8 +77,8 @@ def test_a_backup_contains_the_values_and_the_identity(axisbus, bus, saved, tmp_
 
 
 def test_a_backup_without_an_eds_reads_the_objects_of_the_standards(axisbus, bus, tmp_path):
-    options, stand_ins = bus
-    _set(stand_ins, CHANGES)
+    options, simulated_nodes = bus
+    _set(simulated_nodes, CHANGES)
     code, out, _ = axisbus("config", "backup", "5", *options)
     assert code == 0
     assert "a skeleton of the standard objects" in out
@@ -104,7 +104,7 @@ def test_the_eds_that_the_drive_stores_is_taken_before_asking_object_by_object(a
     text += STORED.decode().partition("[2000]")[2].join(("\n[2000]", "\n"))
     drive = device_from_eds(loads(text.encode(), "live.eds"), 5)
     drive.write(0x2000, 0, 99)
-    with StandIns("config-stored", [drive]):
+    with SimulatedNetwork("config-stored", [drive]):
         code, out, _ = axisbus("config", "backup", "5", "-i", "virtual", "-c", "config-stored", "-o", "x.dcf")
     assert code == 0
     assert "the EDS that the drive stores (1021h)" in out
@@ -112,8 +112,8 @@ def test_the_eds_that_the_drive_stores_is_taken_before_asking_object_by_object(a
 
 
 def test_the_default_name_has_the_serial_number(axisbus, bus, tmp_path):
-    options, stand_ins = bus
-    stand_ins.devices[0].dictionary.values[0x1018 << 8 | 4] = 0x4D2
+    options, simulated_nodes = bus
+    simulated_nodes.devices[0].dictionary.values[0x1018 << 8 | 4] = 0x4D2
     code, out, _ = axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "--json")
     assert code == 0
     assert json.loads(out)["serial"] == 0x4D2
@@ -121,8 +121,8 @@ def test_the_default_name_has_the_serial_number(axisbus, bus, tmp_path):
 
 
 def test_a_node_that_restarts_meanwhile_gets_no_backup(axisbus, bus, monkeypatch, tmp_path):
-    options, stand_ins = bus
-    device, reads = stand_ins.devices[0], list[int]()
+    options, simulated_nodes = bus
+    device, reads = simulated_nodes.devices[0], list[int]()
 
     def read(sdo, index, subindex):
         reads.append(index)
@@ -182,9 +182,9 @@ def test_a_file_and_the_drive(axisbus, bus, saved):
 
 
 def test_a_drive_and_its_own_eds(axisbus, bus):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     assert axisbus("config", "diff", "5", *options, "--eds", command_line.GENERIC).code == 0
-    _set(stand_ins, {(0x6081, 0): 99})
+    _set(simulated_nodes, {(0x6081, 0): 99})
     code, out, _ = axisbus("config", "diff", "5", *options, "--eds", command_line.GENERIC)
     assert code == 1
     assert "6081h:00 Profile velocity: generic-cia402.eds 100000, node 5 99" in out
@@ -217,11 +217,11 @@ def test_an_invalid_comparison_is_misuse(axisbus, arguments, words):
 
 
 def test_restore_writes_all_values_and_reads_them_again(axisbus, bus, saved):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options, "--json")
     report = json.loads(out)
     assert code == 0
-    assert _held(stand_ins) == CHANGES
+    assert _held(simulated_nodes) == CHANGES
     restored = _objects(report, "restored")
     assert {key: (each["before"], each["after"]) for key, each in restored.items()} == {
         key: (saved[key], value) for key, value in CHANGES.items()
@@ -233,24 +233,24 @@ def test_restore_writes_all_values_and_reads_them_again(axisbus, bus, saved):
 
 
 def test_a_dry_run_writes_nothing(axisbus, bus, saved):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options, "--dry-run")
     assert code == 1
     assert "would write 6081h:00 Profile velocity = 123456" in out
-    assert _held(stand_ins) == saved
+    assert _held(simulated_nodes) == saved
 
 
 def test_an_excluded_object_stays(axisbus, bus, saved):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     assert axisbus("config", "restore", "x.dcf", "5", *options, "--exclude", "607D:1").code == 0
-    assert _held(stand_ins) == {**CHANGES, (0x607D, 1): saved[0x607D, 1]}
+    assert _held(simulated_nodes) == {**CHANGES, (0x607D, 1): saved[0x607D, 1]}
 
 
 @pytest.fixture
 def made_by_a_calibrated_make(monkeypatch, bus):
     """The generic drive as one of a make whose 607Dh:01 belongs to one specimen."""
-    _, stand_ins = bus
-    vendor = stand_ins.devices[0].read(0x1018, 1)
+    _, simulated_nodes = bus
+    vendor = simulated_nodes.devices[0].read(0x1018, 1)
     make = DrivePlugin("Maker", vendor_id=vendor, calibration_objects=((0x607D, 1),))
     monkeypatch.setattr(registry, "plugins", lambda _: (make,))
 
@@ -258,60 +258,60 @@ def made_by_a_calibrated_make(monkeypatch, bus):
 def test_calibration_stays_as_the_drive_has_it_unless_it_is_named(
     axisbus, bus, saved, made_by_a_calibrated_make
 ):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 0
-    assert _held(stand_ins) == {**CHANGES, (0x607D, 1): saved[0x607D, 1]}
+    assert _held(simulated_nodes) == {**CHANGES, (0x607D, 1): saved[0x607D, 1]}
     assert "skipped   607Dh:01 Min position limit" in out
     assert "it calibrates the drive: --include 607D:1 writes it" in out
     code, out, _ = axisbus("config", "diff", "x.dcf", "5", *options)
     assert code == 1  # a diff reports differences, whatever the access
     assert "607Dh:01" in out
     assert axisbus("config", "restore", "x.dcf", "5", *options, "--include", "607D:1").code == 0
-    assert _held(stand_ins) == CHANGES
+    assert _held(simulated_nodes) == CHANGES
 
 
 def test_pdos_are_restored_with_their_mapping(axisbus, bus):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     tpdo1 = {(0x1800, 1): 0x8000_0185, (0x1A00, 0): 0, (0x1A00, 1): 0x6064_0020, (0x1800, 2): 255}
     after = {(0x1A00, 0): 1, (0x1800, 1): 0x185}
-    _set(stand_ins, tpdo1)
-    _set(stand_ins, after)
+    _set(simulated_nodes, tpdo1)
+    _set(simulated_nodes, after)
     assert axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "x.dcf").code == 0
     wanted = {**tpdo1, **after}
     for other in (
         0x8000_0185,
         0x8000_0199,
     ):  # switched off; then switched off with another COB-ID, and emptied
-        _set(stand_ins, {(0x1800, 1): 0x8000_0185})
-        _set(stand_ins, {(0x1A00, 0): 0, (0x1800, 1): other})
+        _set(simulated_nodes, {(0x1800, 1): 0x8000_0185})
+        _set(simulated_nodes, {(0x1A00, 0): 0, (0x1800, 1): other})
         assert axisbus("config", "restore", "x.dcf", "5", *options).code == 0
-        assert _held(stand_ins, wanted) == wanted
+        assert _held(simulated_nodes, wanted) == wanted
 
 
 def test_storing_waits_through_the_restart_and_verifies_again(axisbus, bus, saved):
-    options, stand_ins = bus
-    stand_ins.devices[0].dials.reboot_on_store = True
-    stand_ins.devices[0].dials.reboot_time = 0.1
+    options, simulated_nodes = bus
+    simulated_nodes.devices[0].dials.reboot_on_store = True
+    simulated_nodes.devices[0].dials.reboot_time = 0.1
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options, "--store", "--json")
     report = json.loads(out)
     assert code == 0
     assert report["stored"]["restarted"]
     assert not report["in_ram_only"]
-    _set_nmt(stand_ins, NmtCommand.RESET_NODE)
-    command_line.until(lambda: stand_ins.devices[0].answers_sdo)
-    assert _held(stand_ins) == CHANGES
+    _set_nmt(simulated_nodes, NmtCommand.RESET_NODE)
+    command_line.until(lambda: simulated_nodes.devices[0].answers_sdo)
+    assert _held(simulated_nodes) == CHANGES
 
 
-def _set_nmt(stand_ins, command):
-    with stand_ins.lock:
-        stand_ins.devices[0].nmt_command(command)
+def _set_nmt(simulated_nodes, command):
+    with simulated_nodes.lock:
+        simulated_nodes.devices[0].nmt_command(command)
 
 
 def test_a_value_lost_in_a_restart_is_found_by_reading_again(axisbus, bus, saved):
     """A drive that says yes to storing, restarts, and has forgotten one object."""
-    options, stand_ins = bus
-    device = stand_ins.devices[0]
+    options, simulated_nodes = bus
+    device = simulated_nodes.devices[0]
     device.dials.reboot_on_store = True
     whole = device.dictionary.snapshot
     device.dictionary.snapshot = lambda: {key: each for key, each in whole().items() if key >> 8 != 0x6083}
@@ -322,32 +322,32 @@ def test_a_value_lost_in_a_restart_is_found_by_reading_again(axisbus, bus, saved
 
 
 def test_a_drive_that_refuses_to_store_is_reported_and_keeps_its_values_in_ram(axisbus, bus, saved):
-    options, stand_ins = bus
-    stand_ins.devices[0].dials.sdo_write_aborts[0x1010, 1] = 0x0800_0022
+    options, simulated_nodes = bus
+    simulated_nodes.devices[0].dials.sdo_write_aborts[0x1010, 1] = 0x0800_0022
     code, out, err = axisbus("config", "restore", "x.dcf", "5", *options, "--store")
     assert code == 3
     assert "1010h:01" in err
     assert "0x08000022" in err
     assert "4 restored" in out
     assert "in RAM only" in out
-    assert _held(stand_ins) == CHANGES
+    assert _held(simulated_nodes) == CHANGES
 
 
 def test_another_drive_is_refused_unless_it_replaces_the_one_of_the_file(axisbus, bus, saved):
-    options, stand_ins = bus
-    before = _held(stand_ins, device=1)
+    options, simulated_nodes = bus
+    before = _held(simulated_nodes, device=1)
     code, _, err = axisbus("config", "restore", "x.dcf", "6", *options)
-    assert (code, _held(stand_ins, device=1)) == (1, before)
+    assert (code, _held(simulated_nodes, device=1)) == (1, before)
     assert "was not taken from node 6; nothing was written" in err
     assert axisbus("config", "restore", "x.dcf", "6", *options, "--replacement").code == 0
-    assert _held(stand_ins, device=1) == CHANGES
-    with stand_ins.lock:
-        assert stand_ins.devices[1].read(0x1800, 1) & 0x7FF == 0x186  # COB-IDs follow the node-ID
+    assert _held(simulated_nodes, device=1) == CHANGES
+    with simulated_nodes.lock:
+        assert simulated_nodes.devices[1].read(0x1800, 1) & 0x7FF == 0x186  # COB-IDs follow the node-ID
 
 
 def test_restore_to_a_drive_with_another_serial_number_is_refused(axisbus, bus):
-    options, stand_ins = bus
-    serial = stand_ins.devices[0].dictionary.values
+    options, simulated_nodes = bus
+    serial = simulated_nodes.devices[0].dictionary.values
     serial[0x1018 << 8 | 4] = 1234
     assert axisbus("config", "backup", "5", *options, "--eds", command_line.GENERIC, "-o", "x.dcf").code == 0
     serial[0x1018 << 8 | 4] = 1235
@@ -357,40 +357,40 @@ def test_restore_to_a_drive_with_another_serial_number_is_refused(axisbus, bus):
 
 
 def test_another_type_of_device_is_refused_even_as_a_replacement(axisbus, bus, saved):
-    options, stand_ins = bus
-    stand_ins.devices[0].dictionary.values[0x1000 << 8] = 0x0004_0192
+    options, simulated_nodes = bus
+    simulated_nodes.devices[0].dictionary.values[0x1000 << 8] = 0x0004_0192
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options, "--replacement")
     assert code == 1
     assert "is not for a device of the type of node" in err
-    assert _held(stand_ins) == saved
+    assert _held(simulated_nodes) == saved
 
 
 def test_an_energised_drive_is_not_configured(axisbus, bus, saved):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     for word in (6, 7, 15):
-        _set(stand_ins, {(0x6040, 0): word})
+        _set(simulated_nodes, {(0x6040, 0): word})
         time.sleep(0.05)
-    command_line.until(lambda: stand_ins.devices[0].drives[0].statusword & 0x6F == 0x27)
+    command_line.until(lambda: simulated_nodes.devices[0].drives[0].statusword & 0x6F == 0x27)
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
     assert "node 5 is energised" in err
-    assert _held(stand_ins) == saved
+    assert _held(simulated_nodes) == saved
 
 
 def test_an_operational_node_is_not_configured(axisbus, bus, saved, monkeypatch):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     monkeypatch.setattr(preconditions, "LISTEN", 20.0)  # ends with the first heartbeat
-    _set(stand_ins, {(0x1017, 0): 50})
-    _set_nmt(stand_ins, NmtCommand.START)
+    _set(simulated_nodes, {(0x1017, 0): 50})
+    _set_nmt(simulated_nodes, NmtCommand.START)
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
     assert "node 5 is operational: it is configured in pre-operational only; nothing was written" in err
-    assert _held(stand_ins) == saved
+    assert _held(simulated_nodes) == saved
 
 
 def test_a_cable_pulled_during_a_restore_is_reported_and_the_next_run_completes_it(axisbus, bus, saved):
-    options, stand_ins = bus
-    device = stand_ins.devices[0]
+    options, simulated_nodes = bus
+    device = simulated_nodes.devices[0]
     hook = [lambda _: setattr(device.dials, "sdo_silent", True)]
     device.dictionary.hooks.setdefault(0x6081 << 8, []).append(lambda value: hook and hook[0](value))
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
@@ -401,31 +401,31 @@ def test_a_cable_pulled_during_a_restore_is_reported_and_the_next_run_completes_
     device.dials.sdo_silent = False
     assert axisbus("config", "diff", "x.dcf", "5", *options).code == 1
     assert axisbus("config", "restore", "x.dcf", "5", *options).code == 0
-    assert _held(stand_ins) == CHANGES
+    assert _held(simulated_nodes) == CHANGES
 
 
 def test_an_object_that_the_drive_refuses_is_named(axisbus, bus, saved):
-    options, stand_ins = bus
-    stand_ins.devices[0].dials.sdo_write_aborts[0x6083, 0] = 0x0800_0021
+    options, simulated_nodes = bus
+    simulated_nodes.devices[0].dials.sdo_write_aborts[0x6083, 0] = 0x0800_0021
     code, out, _ = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
     assert "FAILED    6083h:00 Profile acceleration" in out
     assert "0x08000021" in out
-    assert _held(stand_ins) == {**CHANGES, (0x6083, 0): saved[0x6083, 0]}
+    assert _held(simulated_nodes) == {**CHANGES, (0x6083, 0): saved[0x6083, 0]}
 
 
 def test_a_concise_dcf_is_written_and_restored(axisbus, bus, tmp_path):
-    options, stand_ins = bus
-    factory = _held(stand_ins)
-    _set(stand_ins, CHANGES)
+    options, simulated_nodes = bus
+    factory = _held(simulated_nodes)
+    _set(simulated_nodes, CHANGES)
     eds = ("--eds", command_line.GENERIC)
     assert axisbus("config", "backup", "5", *options, *eds, "--concise", "x.bin").code == 0
     data = (tmp_path / "x.bin").read_bytes()
     assert data[:4] == bytes((4, 0, 0, 0))  # four values differ from the defaults
     assert bytes.fromhex("81 60 00 04 00 00 00 40 e2 01 00") in data  # 6081h:00, 4 octets, 123456
-    _set(stand_ins, factory)
+    _set(simulated_nodes, factory)
     assert axisbus("config", "restore", "x.bin", "5", *options, *eds, "--concise").code == 0
-    assert _held(stand_ins) == CHANGES
+    assert _held(simulated_nodes) == CHANGES
 
 
 @pytest.mark.parametrize(
@@ -440,44 +440,44 @@ def test_a_concise_dcf_is_written_and_restored(axisbus, bus, tmp_path):
     ],
 )
 def test_bad_input_is_one_clear_sentence_and_nothing_is_written(axisbus, bus, saved, arguments, code, words):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     result = axisbus("config", "restore", *arguments, *options)
     assert result.code == code
     assert words in result.err
-    assert _held(stand_ins) == saved
+    assert _held(simulated_nodes) == saved
 
 
 def test_a_value_that_is_no_number_is_named_with_its_line(axisbus, bus, saved, tmp_path):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     text = (tmp_path / "x.dcf").read_text()
     (tmp_path / "x.dcf").write_text(text.replace("ParameterValue=123456", "ParameterValue=fast"))
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
     assert code == 1
     assert "'fast' cannot be written to 6081h:00" in err
-    assert _held(stand_ins) == saved
+    assert _held(simulated_nodes) == saved
 
 
 def test_a_value_beyond_the_files_limits_is_refused_unless_the_drive_is_to_judge(
     axisbus, bus, saved, tmp_path
 ):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     text = (tmp_path / "x.dcf").read_text()
     (tmp_path / "x.dcf").write_text(text.replace("[6081]\n", "[6081]\nHighLimit=1000\n"))
     code, _, err = axisbus("config", "restore", "x.dcf", "5", *options)
-    assert (code, _held(stand_ins)) == (2, saved)
+    assert (code, _held(simulated_nodes)) == (2, saved)
     assert "6081h:00" in err
     assert "nothing was written" in err
     assert axisbus("config", "restore", "x.dcf", "5", *options, "--ignore-limits").code == 0
-    assert _held(stand_ins) == CHANGES
+    assert _held(simulated_nodes) == CHANGES
 
 
 def test_a_master_on_the_bus_is_not_disturbed(axisbus, bus, saved):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     stop = threading.Event()
 
     def sync():
         while not stop.wait(0.01):
-            stand_ins.network.send_message(0x80, b"")
+            simulated_nodes.network.send_message(0x80, b"")
 
     thread = threading.Thread(target=sync)
     thread.start()
@@ -486,12 +486,12 @@ def test_a_master_on_the_bus_is_not_disturbed(axisbus, bus, saved):
     thread.join()
     assert code == 1
     assert "another master is on the bus of node 5; nothing was sent" in err
-    assert _held(stand_ins) == saved
+    assert _held(simulated_nodes) == saved
 
 
 def test_a_drive_that_consumes_the_heartbeats_of_others_is_restored_as_well(axisbus, bus, saved):
-    options, stand_ins = bus
-    _set(stand_ins, {(0x1016, 1): 6 << 16 | 1000})
-    _set(stand_ins, {(0x1017, 0): 20}, device=1)
+    options, simulated_nodes = bus
+    _set(simulated_nodes, {(0x1016, 1): 6 << 16 | 1000})
+    _set(simulated_nodes, {(0x1017, 0): 20}, device=1)
     assert axisbus("config", "restore", "x.dcf", "5", *options).code == 0
-    assert _held(stand_ins) == CHANGES
+    assert _held(simulated_nodes) == CHANGES

@@ -11,7 +11,7 @@ import pytest
 
 from axisbus.eds import builtin, load
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit import command_line
 
 _channels = (f"cli-heads-{os.getpid()}-{number}" for number in itertools.count())
@@ -34,7 +34,7 @@ def device(request, tmp_path):
     cell = tmp_path / "cell.toml"
     bus = f'interface = "virtual"\nchannel = "{channel}"\nscan_period = "10ms"\n'
     cell.write_text(f'[bus]\n{bus}[nodes.5]\neds = "box.eds"\n', encoding="ascii")
-    with StandIns(channel, [device_from_eds(load(path), 5)]):
+    with SimulatedNetwork(channel, [device_from_eds(load(path), 5)]):
         yield KINDS[request.param], path, cell, ("-i", "virtual", "-c", channel)
 
 

@@ -19,7 +19,7 @@ from axisbus.eds import builtin
 from axisbus.scaffold.draft import BusFound, NodeFound, draft
 from axisbus.scaffold.match import CandidateFile, FileMatch, collect, match
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit import command_line
 
 GENERIC = (command_line.ROOT / "eds" / "generic-cia402.eds").read_text()
@@ -65,9 +65,9 @@ def bus():
             device_from_eds(eds.loads(text.encode(), "live.eds"), int(node[1:]))
             for node, text in nodes.items()
         ]
-        stand_ins = StandIns(name, devices)
-        stand_ins.start()
-        opened.append(stand_ins)
+        simulated_nodes = SimulatedNetwork(name, devices)
+        simulated_nodes.start()
+        opened.append(simulated_nodes)
         command_line.until(lambda: all(each.answers_sdo for each in devices))
         return ("-i", "virtual", "-c", name), devices
 

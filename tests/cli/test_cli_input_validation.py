@@ -318,7 +318,7 @@ def _commands(group):
 
 
 def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
-    with command_line.drives(5, 6) as (stand_ins, channel):
+    with command_line.drives(5, 6) as (simulated_nodes, channel):
         cell = tmp_path / "cell.toml"
         bus = f'[bus]\ninterface = "virtual"\nchannel = "{channel}"\nscan_period = "10ms"\n'
         nodes = "".join(
@@ -331,7 +331,7 @@ def test_with_one_axis_in_fault_none_is_enabled(monkeypatch, capsys, tmp_path):
         seen = []
         enable = Axis.enable
         monkeypatch.setattr(Axis, "enable", lambda axis: seen.append(axis.name) or enable(axis))
-        SimulatedNode(stand_ins.devices[1], stand_ins.lock).fault(0x4310)
+        SimulatedNode(simulated_nodes.devices[1], simulated_nodes.lock).fault(0x4310)
         for command in (("move", cell, "x=10", "y=10"), ("home", cell)):
             code, _, err = axisbus(*command)
             assert (code, seen) == (1, [])

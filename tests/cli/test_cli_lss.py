@@ -13,7 +13,7 @@ from axisbus.cia305.scan_result import Check, Scanned, Unconfigured
 from axisbus.cia305.services import LssAddress
 from axisbus.cli.groups import LSS_COMMANDS
 from axisbus.cli.lss import set_bitrate as lss_set_bitrate
-from axisbus.sim.fault_injection import LssDials
+from axisbus.sim.fault_injection import LssFaults
 
 CELL = """
 [bus]
@@ -107,13 +107,13 @@ def test_set_node_id_of_the_one_that_is_found(lss, cell):
 @pytest.fixture
 def stubborn(monkeypatch):
     """The simulated drives continue answering fast scan after they were found."""
-    plain = LssDials.__init__
+    plain = LssFaults.__init__
 
     def turned(self, *values, **named):
         plain(self, *values, **named)
         self.answers_on = True
 
-    monkeypatch.setattr(LssDials, "__init__", turned)
+    monkeypatch.setattr(LssFaults, "__init__", turned)
 
 
 KNOWN = ("--vendor", "0xC0B00", "--product", 0, "--revision", 0)

@@ -23,13 +23,13 @@ def axisbus(monkeypatch, capsys) -> command_line.Run:
 @pytest.fixture
 def bus():
     """Node 5 on a bus of its own: the options that reach it, and the drive."""
-    with command_line.drives(5) as (stand_ins, channel):
-        yield ("-i", "virtual", "-c", channel, "--eds", command_line.GENERIC), stand_ins
+    with command_line.drives(5) as (simulated_nodes, channel):
+        yield ("-i", "virtual", "-c", channel, "--eds", command_line.GENERIC), simulated_nodes
 
 
-def _object(stand_ins, index, subindex=0):
-    with stand_ins.lock:
-        return stand_ins.devices[0].read(index, subindex)
+def _object(simulated_nodes, index, subindex=0):
+    with simulated_nodes.lock:
+        return simulated_nodes.devices[0].read(index, subindex)
 
 
 def _enable(axisbus, options):
@@ -119,18 +119,18 @@ def test_watch_prints_changes(axisbus, bus):
 
 
 def test_a_write_is_read_back_and_shows_before_and_after(axisbus, bus):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     code, out, _ = axisbus("od", "write", "5:Profile_velocity", "1200", *options)
     assert code == 0
     assert "-> 1200, read back" in out
     assert "next: it is in RAM only" in out
-    assert _object(stand_ins, 0x6081) == 1200
+    assert _object(simulated_nodes, 0x6081) == 1200
 
 
 def test_a_negative_number_is_a_value_and_no_option(axisbus, bus):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     assert axisbus("od", "write", *options, "5:607C", "-100").code == 0
-    assert _object(stand_ins, 0x607C) == -100
+    assert _object(simulated_nodes, 0x607C) == -100
 
 
 def test_a_value_in_the_axes_unit(axisbus):
@@ -154,21 +154,21 @@ def test_a_value_in_the_axes_unit(axisbus):
     ],
 )
 def test_an_invalid_write_is_refused_before_anything_is_sent(axisbus, bus, target, value, code, words):
-    options, stand_ins = bus
-    before = {index: _object(stand_ins, index) for index in (0x6083, 0x6098)}
+    options, simulated_nodes = bus
+    before = {index: _object(simulated_nodes, index) for index in (0x6083, 0x6098)}
     result = axisbus("od", "write", *options, target, value)
     assert result.code == code
     assert words in result.err
-    assert {index: _object(stand_ins, index) for index in before} == before
+    assert {index: _object(simulated_nodes, index) for index in before} == before
 
 
 def test_an_object_of_another_size_than_its_type_is_not_written(axisbus, bus):
-    options, stand_ins = bus
-    before = _object(stand_ins, 0x6081)
+    options, simulated_nodes = bus
+    before = _object(simulated_nodes, 0x6081)
     code, _, err = axisbus("od", "write", *options, "5:6081", "7", "--type", "u8")
     assert code == 2
     assert "UNSIGNED8 has 1 byte, the device sends 4" in err
-    assert _object(stand_ins, 0x6081) == before
+    assert _object(simulated_nodes, 0x6081) == before
 
 
 def test_a_misspelt_option_is_no_value(axisbus, bus):
@@ -187,26 +187,26 @@ def test_storing_is_an_order_and_not_read_back(axisbus, bus):
 
 @pytest.mark.parametrize("target", ["6040", "6060", "607A", "60FF", "6071"])
 def test_an_object_that_could_move_a_drive_needs_may_move(axisbus, bus, target):
-    options, stand_ins = bus
-    before = _object(stand_ins, int(target, 16))
+    options, simulated_nodes = bus
+    before = _object(simulated_nodes, int(target, 16))
     code, _, err = axisbus("od", "write", *options, f"5:{target}", "1")
     assert code == 1
     assert "nothing was sent" in err
     assert "--may-move" in err
-    assert _object(stand_ins, int(target, 16)) == before
+    assert _object(simulated_nodes, int(target, 16)) == before
 
 
 def test_an_energised_drive_is_reported_and_not_written(axisbus, bus):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     _enable(axisbus, options)
     code, out, _ = axisbus("od", "write", *options, "5:6060", "3", "--may-move")
     assert code == 0
     assert "node 5 is ENERGISED" in out
-    before = _object(stand_ins, 0x6083)
+    before = _object(simulated_nodes, 0x6083)
     code, _, err = axisbus("od", "write", *options, "5:6083", str(before + 1))
     assert code == 1
     assert "node 5 is energised, and any write may move it; nothing was sent" in err
-    assert _object(stand_ins, 0x6083) == before
+    assert _object(simulated_nodes, 0x6083) == before
 
 
 def test_beside_another_master_no_controlword_is_written(axisbus, tmp_path):
@@ -257,12 +257,12 @@ def test_completion_is_silent_if_a_file_is_invalid():
 
 
 def test_start_and_stop_are_confirmed_and_energise_nothing(axisbus, bus):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     code, out, _ = axisbus("nmt", "start", "5", *options)
     assert code == 0
     assert "node 5: operational" in out
     assert "confirmed by" in out
-    assert stand_ins.devices[0].drives[0].statusword & 0x6F == 0x40  # switch on disabled, as before
+    assert simulated_nodes.devices[0].drives[0].statusword & 0x6F == 0x40  # switch on disabled, as before
     code, out, _ = axisbus("nmt", "stop", "5", *options)
     assert code == 0
     assert "node 5: stopped" in out
@@ -314,10 +314,10 @@ def test_a_node_that_is_not_there_is_not_confirmed(axisbus, bus):
 
 @pytest.mark.parametrize("node", [5, 9], ids=["fell silent", "never heard"])
 def test_a_silent_node_is_reported_at_each_reset(axisbus, bus, monkeypatch, node):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.5)
     assert axisbus("nmt", "pre-operational", "5", *options).code == 0
-    stand_ins.devices[0].dials.dead = True
+    simulated_nodes.devices[0].dials.dead = True
     for _ in range(3):
         code, out, _ = axisbus("nmt", "reset-node", node, *options)
         assert code == 3
@@ -328,8 +328,8 @@ def test_a_silent_node_is_reported_at_each_reset(axisbus, bus, monkeypatch, node
 
 
 def test_a_node_that_falls_silent_with_the_command_is_distinguished(axisbus, bus, monkeypatch):
-    options, stand_ins = bus
-    device = stand_ins.devices[0]
+    options, simulated_nodes = bus
+    device = simulated_nodes.devices[0]
     monkeypatch.setattr(nmt_commands, "BOOT_PATIENCE", 0.5)
     monkeypatch.setattr(device, "nmt_command", lambda _: setattr(device.dials, "dead", True))
     code, out, _ = axisbus("nmt", "reset-node", "5", *options)
@@ -338,9 +338,9 @@ def test_a_node_that_falls_silent_with_the_command_is_distinguished(axisbus, bus
 
 
 def test_a_node_that_does_not_start_names_its_errors(axisbus, bus, monkeypatch):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     monkeypatch.setattr(nmt_commands, "PATIENCE", 0.5)
-    stand_ins.devices[0].dials.start_error = 0x8130
+    simulated_nodes.devices[0].dials.start_error = 0x8130
     code, out, _ = axisbus("nmt", "start", "5", *options)
     assert code == 3
     assert "node 5: NOT confirmed (was pre-operational): it still reports pre-operational" in out
@@ -349,12 +349,12 @@ def test_a_node_that_does_not_start_names_its_errors(axisbus, bus, monkeypatch):
 
 
 def test_an_energised_drive_keeps_its_bus_unless_forced(axisbus, bus):
-    options, stand_ins = bus
+    options, simulated_nodes = bus
     _enable(axisbus, options)
     code, _, err = axisbus("nmt", "reset-node", "5", *options)
     assert code == 1
     assert "node 5 is energised; nothing was sent" in err
-    assert stand_ins.devices[0].drives[0].statusword & 0x6F == 0x27
+    assert simulated_nodes.devices[0].drives[0].statusword & 0x6F == 0x27
     assert axisbus("nmt", "reset-node", "5", *options, "--force").code == 0
 
 

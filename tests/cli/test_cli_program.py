@@ -12,7 +12,7 @@ from axisbus import eds
 from axisbus.cli.program import _Announced
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit import command_line
 from kit.command_line import Run
 from kit.eds.loader import loader_eds, program
@@ -30,7 +30,7 @@ def device(tmp_path) -> Device:
 @pytest.fixture
 def bus(device) -> Iterator[tuple[str, ...]]:
     name = next(command_line._channels)
-    with StandIns(name, [device]):
+    with SimulatedNetwork(name, [device]):
         yield ("-i", "virtual", "-c", name)
 
 

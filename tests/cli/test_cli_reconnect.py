@@ -32,11 +32,11 @@ class Adapter:
         self.away = False
         self.spare: socket.socket | None = None
         self.stages: list[CoreStage] = []
-        self._reach = server.reach
+        self._reach = server.open_bus
         self._stage = server.CoreServer._stage
 
-    def reach(self, cell, drives=None) -> Channel:
-        """As ``bus_factory.reach``, with a way to open the line again."""
+    def open_bus(self, cell, drives=None) -> Channel:
+        """As ``bus_factory.open_bus``, with a way to open the line again."""
         self.spare = spare = drives.dup()
         self.channel = self._reach(cell, drives)
 
@@ -80,7 +80,7 @@ def file(tmp_path) -> Path:
 def adapter() -> Iterator[Adapter]:
     made = Adapter()
     with (
-        mock.patch.object(server, "reach", made.reach),
+        mock.patch.object(server, "open_bus", made.open_bus),
         mock.patch.object(server.CoreServer, "_stage", lambda core, stage: made.note(core, stage)),
     ):
         yield made

@@ -15,7 +15,7 @@ from axisbus.errors import StateError
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit import command_line
 from kit.cell import cell_text
 from kit.core_in_threads import core_in_threads
@@ -32,12 +32,12 @@ def drives(tmp_path):
     name = f"replace-{tmp_path.name}"
     made = [device_from_eds(eds, node_id, seed=node_id, serial=OLD + 10 * node_id - 10) for node_id in (1, 2)]
     (tmp_path / "cell.toml").write_text(cell_text("xy", interface="virtual", channel=name), encoding="utf-8")
-    with StandIns(name, made) as stand_ins:
+    with SimulatedNetwork(name, made) as simulated_nodes:
         command_line.until(lambda: all(device.answers_sdo for device in made))
-        with stand_ins.lock:
+        with simulated_nodes.lock:
             for key, value in CONFIGURED.items():
                 made[0].write(*key, value)
-        yield stand_ins, tmp_path / "cell.toml"
+        yield simulated_nodes, tmp_path / "cell.toml"
 
 
 @pytest.fixture
@@ -52,15 +52,15 @@ def backup_of(cell: Path) -> Path:
     return cell.with_name(f"node-1-serial-{OLD:X}.dcf")
 
 
-def swap(stand_ins: StandIns, *what: int) -> None:
-    with stand_ins.lock:
-        stand_ins.devices[0].swap(NEW, *what)
+def swap(simulated_nodes: SimulatedNetwork, *what: int) -> None:
+    with simulated_nodes.lock:
+        simulated_nodes.devices[0].swap(NEW, *what)
     time.sleep(0.3)
 
 
-def held(stand_ins: StandIns) -> dict[tuple[int, int], int]:
-    with stand_ins.lock:
-        return {key: stand_ins.devices[0].read(*key) for key in CONFIGURED}
+def held(simulated_nodes: SimulatedNetwork) -> dict[tuple[int, int], int]:
+    with simulated_nodes.lock:
+        return {key: simulated_nodes.devices[0].read(*key) for key in CONFIGURED}
 
 
 def note_of(cell: Path) -> Path:
@@ -76,9 +76,9 @@ def serial_in_record(cell: Path) -> int:
 
 
 def test_a_drive_is_shown_then_replaced_and_then_there_is_nothing_to_replace(axisbus, drives, saved):
-    stand_ins, cell = drives
-    swap(stand_ins)
-    factory = held(stand_ins)
+    simulated_nodes, cell = drives
+    swap(simulated_nodes)
+    factory = held(simulated_nodes)
     code, out, _ = axisbus("replace", cell, "x", "--plan")
     assert code == 0
     assert "node 1: the new drive was found at node-ID 1" in out
@@ -90,7 +90,7 @@ def test_a_drive_is_shown_then_replaced_and_then_there_is_nothing_to_replace(axi
     code, _, err = axisbus("replace", cell, "x")
     assert code == 2
     assert "give --yes" in err
-    assert held(stand_ins) == factory
+    assert held(simulated_nodes) == factory
     assert serial_in_record(cell) == OLD
     assert not note_of(cell).exists()
     code, out, err = axisbus("replace", cell, "1", "--yes")
@@ -98,7 +98,7 @@ def test_a_drive_is_shown_then_replaced_and_then_there_is_nothing_to_replace(axi
     assert "node 1: read every object again" in err
     assert "node 1 has been replaced: serial number 4712" in out
     assert f"next: axisbus boot {cell}" in out
-    assert held(stand_ins) == CONFIGURED
+    assert held(simulated_nodes) == CONFIGURED
     assert serial_in_record(cell) == NEW
     assert not note_of(cell).exists()
     code, _, err = axisbus("replace", cell, "x", "--yes")
@@ -107,37 +107,37 @@ def test_a_drive_is_shown_then_replaced_and_then_there_is_nothing_to_replace(axi
 
 
 def test_a_drive_without_a_node_id_is_replaced_and_reported_as_json(axisbus, drives, saved):
-    stand_ins, cell = drives
-    swap(stand_ins, 255)
+    simulated_nodes, cell = drives
+    swap(simulated_nodes, 255)
     code, out, err = axisbus("replace", cell, "x", "--yes", "--json")
     assert code == 0, err
     told = json.loads(out)
     assert (told["drive"]["node_id"], told["drive"]["serial"], told["was"]["serial"]) == (None, NEW, OLD)
     assert told["steps"] == ["node_id", "configure", "store", "restart", "verify", "record"]
     assert told["outcome"]["written"] >= 2
-    assert held(stand_ins) == CONFIGURED
-    assert stand_ins.devices[0].lss.stored == 1
+    assert held(simulated_nodes) == CONFIGURED
+    assert simulated_nodes.devices[0].lss.stored == 1
     assert axisbus("replace", cell, "x", "--json").code == 2
 
 
 def test_another_product_is_refused_with_the_difference_and_leaves_no_note(axisbus, drives, saved):
-    stand_ins, cell = drives
+    simulated_nodes, cell = drives
     record = json.loads(cell.with_name("cell.nameplate.json").read_text(encoding="utf-8"))
     record["nodes"][0]["product"] = 7
     cell.with_name("cell.nameplate.json").write_text(json.dumps(record), encoding="utf-8")
-    swap(stand_ins, 1, None, None, 8)
-    factory = held(stand_ins)
+    swap(simulated_nodes, 1, None, None, 8)
+    factory = held(simulated_nodes)
     code, _, err = axisbus("replace", cell, "x", "--yes")
     assert code == 1
     assert "product code (1018h:02) is 0x8 (8), expected is 0x7 (7)" in err
-    assert held(stand_ins) == factory
+    assert held(simulated_nodes) == factory
     assert not note_of(cell).exists()
 
 
 def test_a_drive_that_is_refused_before_a_write_leaves_no_note(axisbus, drives, saved):
-    stand_ins, cell = drives
-    swap(stand_ins)
-    stand_ins.devices[0].dials.sdo_aborts[0x6081, 0] = 0x0602_0000
+    simulated_nodes, cell = drives
+    swap(simulated_nodes)
+    simulated_nodes.devices[0].dials.sdo_aborts[0x6081, 0] = 0x0602_0000
     code, _, err = axisbus("replace", cell, "x", "--yes")
     assert code == 1
     assert "nothing was written" in err
@@ -146,26 +146,26 @@ def test_a_drive_that_is_refused_before_a_write_leaves_no_note(axisbus, drives, 
 
 
 def test_a_file_of_another_type_of_drive_is_refused_before_the_drive_gets_its_node_id(axisbus, drives, saved):
-    stand_ins, cell = drives
+    simulated_nodes, cell = drives
     text = backup_of(cell).read_text(encoding="ascii")
     at = text.index("ParameterValue=", text.index("[1018sub2]"))
     backup_of(cell).write_text(
         f"{text[:at]}ParameterValue=7{text[text.index(chr(10), at) :]}", encoding="ascii"
     )
-    swap(stand_ins, 255, None, None, 8)
+    swap(simulated_nodes, 255, None, None, 8)
     code, _, err = axisbus("replace", cell, "x", "--yes")
     assert code == 1
     assert "is not for a device of the type of node" in err
     assert "product code: the file has 0x7, the device 0x8" in err
-    assert stand_ins.devices[0].node_id == 255
+    assert simulated_nodes.devices[0].node_id == 255
     assert not note_of(cell).exists()
 
 
 def test_several_backups_are_not_guessed_among(axisbus, drives, saved):
-    stand_ins, cell = drives
+    simulated_nodes, cell = drives
     for name in ("node-1.dcf", "node-1-serial-7.dcf"):
         cell.with_name(name).write_bytes(backup_of(cell).read_bytes())
-    swap(stand_ins)
+    swap(simulated_nodes)
     assert f"configuration: {backup_of(cell)}" in axisbus("replace", cell, "x", "--plan").out
     backup_of(cell).unlink()
     code, _, err = axisbus("replace", cell, "x", "--plan")
@@ -174,40 +174,40 @@ def test_several_backups_are_not_guessed_among(axisbus, drives, saved):
 
 
 def test_without_a_backup_the_user_chooses(axisbus, drives, saved, tmp_path):
-    stand_ins, cell = drives
+    simulated_nodes, cell = drives
     moved = backup_of(cell).rename(tmp_path / "elsewhere.dcf")
-    swap(stand_ins)
-    factory = held(stand_ins)
+    swap(simulated_nodes)
+    factory = held(simulated_nodes)
     code, _, err = axisbus("replace", cell, "x", "--yes")
     assert code == 1
     assert "there is no stored configuration of node 1" in err
     assert axisbus("replace", cell, "x", "--file", moved, "--no-restore").code == 2
     code, _, err = axisbus("replace", cell, "x", "--no-restore", "--yes")
     assert code == 0, err
-    assert held(stand_ins) == factory
+    assert held(simulated_nodes) == factory
     assert serial_in_record(cell) == NEW
-    with stand_ins.lock:
-        stand_ins.devices[0].swap(NEW + 1)
+    with simulated_nodes.lock:
+        simulated_nodes.devices[0].swap(NEW + 1)
     time.sleep(0.3)
     assert axisbus("replace", cell, "x", "--file", moved, "--yes").code == 0
-    assert held(stand_ins) == CONFIGURED
+    assert held(simulated_nodes) == CONFIGURED
 
 
 def test_without_a_record_the_old_drive_is_unknown(axisbus, drives):
-    stand_ins, cell = drives
+    simulated_nodes, cell = drives
     assert axisbus("config", "backup", "x", "--cell", cell, "-o", cell.with_name("node-1.dcf")).code == 0
-    swap(stand_ins)
+    swap(simulated_nodes)
     code, out, err = axisbus("replace", cell, "x", "--yes")
     assert code == 0, err
     assert "nothing is known about the old drive" in err
     assert f"next: axisbus nameplate {cell} --save" in out
     assert not cell.with_name("cell.nameplate.json").exists()
-    assert held(stand_ins) == CONFIGURED
+    assert held(simulated_nodes) == CONFIGURED
 
 
 def test_ctrl_c_leaves_a_note_and_the_next_run_continues(axisbus, drives, saved, monkeypatch):
-    stand_ins, cell = drives
-    swap(stand_ins, 255)
+    simulated_nodes, cell = drives
+    swap(simulated_nodes, 255)
 
     def interrupted(self: DriveReplacement) -> None:
         raise KeyboardInterrupt
@@ -228,10 +228,10 @@ def test_ctrl_c_leaves_a_note_and_the_next_run_continues(axisbus, drives, saved,
 
 
 def test_a_refused_second_run_keeps_the_note_of_the_first_one(axisbus, drives, saved, monkeypatch):
-    stand_ins, cell = drives
-    swap(stand_ins)
+    simulated_nodes, cell = drives
+    swap(simulated_nodes)
     before = _interrupted_run(axisbus, cell, monkeypatch)
-    stand_ins.devices[0].dials.sdo_aborts[0x6081, 0] = 0x0602_0000
+    simulated_nodes.devices[0].dials.sdo_aborts[0x6081, 0] = 0x0602_0000
     code, _, err = axisbus("replace", cell, "x", "--yes")
     assert code == 1
     assert "nothing was written" in err
@@ -240,8 +240,8 @@ def test_a_refused_second_run_keeps_the_note_of_the_first_one(axisbus, drives, s
 
 
 def test_a_run_that_is_refused_after_a_write_leaves_a_note(axisbus, drives, saved, monkeypatch):
-    stand_ins, cell = drives
-    swap(stand_ins)
+    simulated_nodes, cell = drives
+    swap(simulated_nodes)
 
     def refused(self: DriveReplacement) -> None:
         raise StateError("the machine is being closed")
@@ -254,8 +254,8 @@ def test_a_run_that_is_refused_after_a_write_leaves_a_note(axisbus, drives, save
 
 
 def test_a_record_that_cannot_be_written_leaves_a_note_and_the_next_run_finishes(axisbus, drives, saved):
-    stand_ins, cell = drives
-    swap(stand_ins)
+    simulated_nodes, cell = drives
+    swap(simulated_nodes)
     table = cell.with_name("cell.nameplate.md")
     table.unlink()
     table.mkdir()

@@ -23,8 +23,8 @@ def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
 
 @pytest.fixture
 def bus():
-    with command_line.drives(NODE) as (stand_ins, channel):
-        yield ("-i", "virtual", "-c", channel), stand_ins.devices[0], stand_ins.lock
+    with command_line.drives(NODE) as (simulated_nodes, channel):
+        yield ("-i", "virtual", "-c", channel), simulated_nodes.devices[0], simulated_nodes.lock
 
 
 def test_save_stores_the_parameters_and_the_values_are_kept(axisbus, bus):

@@ -107,7 +107,7 @@ def test_of_two_machines_of_one_simulated_cell_both_are_stopped(axisbus, moving,
 
 def test_a_claim_without_an_answer_reports_no_axis_as_stopped(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
-    with claim(None, CellFileId.of(file), exclusive=False, door=False):
+    with claim(None, CellFileId.of(file), exclusive=False, accepts_clients=False):
         code, out, _ = axisbus("stop", file)
     assert (code, "NOT REACHED" in out) == (3, True)
 

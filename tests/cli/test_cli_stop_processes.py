@@ -103,7 +103,7 @@ def test_a_machine_that_hangs_is_reported_as_not_reached(axisbus, tmp_path):
 @needs_root
 def test_a_machine_of_another_user_is_named_and_not_reported_as_stopped(axisbus, tmp_path):
     file = own_cell(tmp_path, "x")
-    with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, door=True)) as stranger:
+    with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, accepts_clients=True)) as stranger:
         code, out, err = axisbus("stop", file)
         assert code == 3
         assert "x: NOT REACHED" in out
@@ -117,7 +117,7 @@ def test_a_machine_of_another_user_is_named_and_not_reported_as_stopped(axisbus,
 @needs_root
 def test_the_claim_of_another_user_does_not_hide_ones_own_machine(axisbus, moving, file):
     machine, _ = moving
-    with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, door=True)):
+    with as_user(lambda: claim(None, CellFileId.of(file), exclusive=False, accepts_clients=True)):
         code, out, _ = axisbus("stop", file)
     assert (code, "x: is at standstill" in out) == (0, True)
     assert turns(machine) == pytest.approx(0.0, abs=0.1)

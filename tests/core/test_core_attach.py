@@ -35,16 +35,16 @@ def opened(file):
 
 def test_a_client_sees_the_values_of_the_owner_and_its_leaving_changes_nothing(machine, file):
     handle = under_way(machine["x"])
-    with Machine.attach(file) as guest:
-        assert guest.is_attached
-        assert f"process {os.getpid()} " in guest.control_owner
-        assert [each.commands for each in guest.programs] == [True, False]
-        assert all(f"process {os.getpid()} " in each.who for each in guest.programs)
-        assert list(guest.axes) == ["x", "y"]
-        assert guest["x"].state is AxisState.DISCRETE_MOTION
-        assert guest["x"].position == pytest.approx(machine["x"].position, abs=5.0)
-        assert guest.node(1).sdo[0x1000] == machine.node(1).sdo[0x1000]
-        assert guest.reports == machine.reports
+    with Machine.attach(file) as attached:
+        assert attached.is_attached
+        assert f"process {os.getpid()} " in attached.control_owner
+        assert [each.commands for each in attached.programs] == [True, False]
+        assert all(f"process {os.getpid()} " in each.who for each in attached.programs)
+        assert list(attached.axes) == ["x", "y"]
+        assert attached["x"].state is AxisState.DISCRETE_MOTION
+        assert attached["x"].position == pytest.approx(machine["x"].position, abs=5.0)
+        assert attached.node(1).sdo[0x1000] == machine.node(1).sdo[0x1000]
+        assert attached.reports == machine.reports
     time.sleep(0.2)
     assert handle.active
     assert abs(turns(machine)) == pytest.approx(30.0, abs=1.0)
@@ -70,12 +70,12 @@ def test_a_client_sees_the_values_of_the_owner_and_its_leaving_changes_nothing(m
 )
 def test_a_client_without_control_is_refused_and_the_motion_continues(machine, file, command):
     handle = under_way(machine["y"])
-    with Machine.attach(file) as guest:
+    with Machine.attach(file) as attached:
         with pytest.raises(OwnershipError) as caught:
-            command(guest["y"]).wait(10)
+            command(attached["y"]).wait(10)
         assert f"process {os.getpid()} " in caught.value.observed
         with pytest.raises(OwnershipError):
-            guest.node(2).sdo[0x6081] = 77
+            attached.node(2).sdo[0x6081] = 77
     assert handle.active
     assert abs(turns(machine, 2)) == pytest.approx(30.0, abs=1.0)
     assert machine.node(2).sdo[0x6081] != 77
@@ -84,8 +84,8 @@ def test_a_client_without_control_is_refused_and_the_motion_continues(machine, f
 @pytest.mark.parametrize("stop", ["halt", "quick_stop"])
 def test_any_client_may_stop_an_axis_and_is_named_and_control_stays_with_its_owner(machine, file, stop):
     handle = under_way(machine["x"])
-    with Machine.attach(file) as guest:
-        getattr(guest["x"], stop)().wait(10)
+    with Machine.attach(file) as attached:
+        getattr(attached["x"], stop)().wait(10)
     assert turns(machine) == pytest.approx(0.0, abs=0.1)
     with pytest.raises(Stopped, match=rf"x\.{stop}\(\) by process {os.getpid()} "):
         handle.wait(5)
@@ -95,8 +95,8 @@ def test_any_client_may_stop_an_axis_and_is_named_and_control_stays_with_its_own
 
 def test_a_client_may_stop_a_whole_group_without_control(machine, file):
     handles = [under_way(axis) for axis in machine]
-    with Machine.attach(file) as guest:
-        guest.group("x", "y").halt().wait(10)
+    with Machine.attach(file) as attached:
+        attached.group("x", "y").halt().wait(10)
     assert not any(handle.active for handle in handles)
 
 
@@ -104,14 +104,14 @@ def test_control_belongs_to_one_client_and_returns_when_its_owner_leaves(machine
     with pytest.raises(OwnershipError):
         Machine.attach(file, command=True)
     handle = under_way(machine["x"])
-    with Machine.attach(file, command=True, force=True) as guest:
+    with Machine.attach(file, command=True, force=True) as attached:
         assert turns(machine) == pytest.approx(0.0, abs=0.1)  # before another program commands
         with pytest.raises(Stopped, match="took control"):
             handle.wait(5)
         with pytest.raises(OwnershipError, match="only read"):
             machine["x"].move_relative(1.0).wait(5)
-        guest["x"].move_relative(1.0).wait(20)
-        left = under_way(guest["y"])
+        attached["x"].move_relative(1.0).wait(20)
+        left = under_way(attached["y"])
     assert not left.active
     assert turns(machine, 2) == pytest.approx(0.0, abs=0.1)
     assert machine["y"].state is AxisState.STANDSTILL
@@ -120,47 +120,47 @@ def test_control_belongs_to_one_client_and_returns_when_its_owner_leaves(machine
 
 def test_a_joined_program_takes_control_and_the_owner_takes_it_back(machine, file):
     handle = under_way(machine["x"])
-    with Machine.attach(file) as guest:
-        assert (machine.has_control, guest.has_control) == (True, False)
-        guest.take_control()
+    with Machine.attach(file) as attached:
+        assert (machine.has_control, attached.has_control) == (True, False)
+        attached.take_control()
         assert turns(machine) == pytest.approx(0.0, abs=0.1)
-        assert (machine.has_control, guest.has_control) == (False, True)
+        assert (machine.has_control, attached.has_control) == (False, True)
         with pytest.raises(Stopped, match="took control"):
             handle.wait(5)
-        guest.take_control()  # harmless
-        going = under_way(guest["y"])
+        attached.take_control()  # harmless
+        going = under_way(attached["y"])
         machine.take_control()
         assert turns(machine, 2) == pytest.approx(0.0, abs=0.1)
         with pytest.raises(Stopped, match="took control"):
             going.wait(5)
-        assert (machine.has_control, guest.has_control) == (True, False)
+        assert (machine.has_control, attached.has_control) == (True, False)
         with pytest.raises(OwnershipError):
-            guest["x"].move_relative(1.0).wait(5)
+            attached["x"].move_relative(1.0).wait(5)
         machine["x"].move_relative(1.0).wait(20)
     assert machine.has_control
 
 
 def test_a_program_that_was_requested_to_stop_gets_no_control(machine, file):
-    with Machine.attach(file) as guest:
-        guest.session.request_stop("it was told to")
+    with Machine.attach(file) as attached:
+        attached.session.request_stop("it was told to")
         with pytest.raises(Stopped, match="not granted"):
-            guest.take_control()
+            attached.take_control()
     assert machine.has_control
 
 
 def test_hold_to_run_ends_with_control(machine, file):
-    with Machine.attach(file, command=True, force=True) as guest:
-        guest.hold_to_run(0.3)
+    with Machine.attach(file, command=True, force=True) as attached:
+        attached.hold_to_run(0.3)
         machine.take_control()
         handle = under_way(machine["y"])
-        guest.hold_to_run(0.3)  # without control it has no effect
+        attached.hold_to_run(0.3)  # without control it has no effect
         time.sleep(0.6)
         assert handle.active
         assert abs(turns(machine, 2)) == pytest.approx(30.0, abs=1.0)
 
 
 def test_a_client_records_every_cycle_as_the_owner_does(machine, file):
-    with Machine.attach(file) as guest, Recorder(guest) as recorder:
+    with Machine.attach(file) as attached, Recorder(attached) as recorder:
         machine["x"].move_relative(1.0).wait(20)
         time.sleep(0.1)
     times = sorted({float(row[0]) for row in recorder.rows()})
@@ -191,7 +191,7 @@ def test_a_core_that_ends_while_a_client_joins_is_reported(machine, file, monkey
     start = RpcClient.start
 
     def gone(calls: RpcClient) -> None:
-        calls._gone()
+        calls._on_end()
         calls._stream._line.shutdown(socket.SHUT_RDWR)
         start(calls)
 
@@ -204,8 +204,8 @@ def test_a_core_that_ends_while_a_client_joins_is_reported(machine, file, monkey
 
 
 def test_a_stop_of_a_client_that_gives_commands_without_a_pause_waits_for_none_of_them(machine, file):
-    with Machine.attach(file, command=True, force=True) as guest:
-        x = guest["x"]
+    with Machine.attach(file, command=True, force=True) as attached:
+        x = attached["x"]
         x.enable().wait(10)
         handles = [x.move_velocity(20.0 + number % 100 / 100) for number in range(3000)]
         began = time.monotonic()

@@ -169,13 +169,13 @@ def test_hostile_clients_disturb_neither_the_cycle_nor_the_motion(machine, file,
     until = time.monotonic() + 10.0
     while True:  # the earlier clients are gone, and others may connect
         try:
-            guest = Machine.attach(file)
+            attached = Machine.attach(file)
             break
         except ScanError:
             assert time.monotonic() < until
             time.sleep(0.1)
-    with guest:
-        assert guest["x"].state is AxisState.DISCRETE_MOTION
+    with attached:
+        assert attached["x"].state is AxisState.DISCRETE_MOTION
 
 
 CROWDS = {

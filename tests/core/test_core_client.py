@@ -194,7 +194,7 @@ def test_a_command_and_a_request_after_closing_end_because_the_machine_was_close
     """The end of the core is no failure: it has reported that it has left every node."""
     with core_in_threads(), Machine.open(file) as machine:
         machine["x"].enable().wait(20)
-    until(lambda: machine._core._calls.over, 10.0)
+    until(lambda: machine._core._rpc.over, 10.0)
     with pytest.raises(ScanError, match=r"x\.move_relative\(1 deg\) was ended: the machine was closed"):
         machine["x"].move_relative(1.0).wait(10)
     with pytest.raises(ScanError, match="read was asked: the machine was closed"):

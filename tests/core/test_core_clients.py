@@ -16,7 +16,7 @@ from axisbus.core.process.session import Errors
 from axisbus.errors import AxisbusError, ScanError, StateError
 from axisbus.ipc import frames
 from axisbus.ipc.image import size_of
-from axisbus.ipc.messages import CommandEvents, CoreCondition, CycleImages, ErrorTold, Frames
+from axisbus.ipc.messages import CommandEvents, CoreCondition, CycleImages, ErrorMessage, Frames
 from axisbus.motion.command_status import Status
 from axisbus.motion.states import AxisState
 from axisbus.session import CommandEvent
@@ -53,10 +53,10 @@ def scene():
 @pytest.mark.parametrize("elsewhere", [False, True], ids=["in the thread of the scan", "in another thread"])
 def test_a_client_knows_that_the_scan_is_over_before_its_commands_end(scene, elsewhere):
     if not elsewhere:
-        scene.clients.outlet.after_cycle(0.0, {})
+        scene.clients.publisher.after_cycle(0.0, {})
     scene.session.fail(end(1), end(2))
     assert scene.sent == []
-    scene.clients.tell_condition()
+    scene.clients.send_condition()
     condition, told = scene.sent
     assert condition == CoreCondition("the link is down", True, True)
     assert isinstance(told, CommandEvents)
@@ -65,15 +65,15 @@ def test_a_client_knows_that_the_scan_is_over_before_its_commands_end(scene, els
 
 def test_a_command_that_ends_after_the_scan_is_reported_too(scene):
     scene.session.fail()
-    scene.clients.tell_condition()
+    scene.clients.send_condition()
     scene.session.hear(end(3))
-    scene.clients.tell_condition()
+    scene.clients.send_condition()
     assert [type(message) for message in scene.sent] == [CoreCondition, CommandEvents]
 
 
 def test_each_end_of_a_command_is_reported_once_by_any_number_of_threads(scene):
     scene.session.fail(*map(end, range(200)))
-    tellers = [threading.Thread(target=scene.clients.tell_condition) for _ in range(8)]
+    tellers = [threading.Thread(target=scene.clients.send_condition) for _ in range(8)]
     for teller in tellers:
         teller.start()
     for teller in tellers:
@@ -103,17 +103,17 @@ class Deaf:
 
 
 def test_images_that_a_program_does_not_take_are_counted_and_reported_to_it_once(monkeypatch):
-    monkeypatch.setattr(publisher, "_MOST", 3)
+    monkeypatch.setattr(publisher, "_MAX_WAITING", 3)
     monkeypatch.setattr(frames, "_MOST", 5)
     place = Publisher(mmap.mmap(-1, size_of(0)), ())
     clients = Clients(SimpleNamespace(session=Session()), place, None)
     slow, quick = Deaf(), Deaf()
     for stream, who in ((slow, "slow"), (quick, "quick")):
-        clients.admit(stream, who).reader.observed = True
-    reader = place._readers[0]
+        clients.admit(stream, who).outbox.observed = True
+    reader = place._outboxes[0]
     for cycle in range(100):
         place.after_cycle(cycle * 0.06, {})
-        reader.frames.hear(CanFrame(0.0, 0x181))
+        reader.frames.put(CanFrame(0.0, 0x181))
         reader.flush_frames()
         quick.sent.clear()
     told = [message for message in slow.sent if isinstance(message, CycleImages)]
@@ -156,23 +156,23 @@ def test_control_is_not_taken_if_the_halt_of_an_axis_ends_with_an_error(scene, e
         return number
 
     session.submit = submit
-    opener, other = clients._desks[0], clients.admit(SimpleNamespace(send=scene.sent.append), "another")
+    opener, other = clients._handlers[0], clients.admit(SimpleNamespace(send=scene.sent.append), "another")
     clients.open_for(opener, shared=False)
     if not why:
-        clients.give_command(other, take=True)
+        clients.give_control(other, take=True)
         assert clients.commanded_by == other.name
         return
     with pytest.raises(StateError) as refused:
-        clients.give_command(other, take=True)
+        clients.give_control(other, take=True)
     assert refused.value.observed == why
     assert clients.commanded_by == opener.name
 
 
 def test_a_client_keeps_the_newest_errors_of_each_axis_and_no_more():
     errors, rare = Errors(), AxisbusError("rare")
-    errors.take(ErrorTold("x", 1, rare))
+    errors.take(ErrorMessage("x", 1, rare))
     for number in range(2, 2000):
-        errors.take(ErrorTold("y", number, AxisbusError(str(number))))
+        errors.take(ErrorMessage("y", number, AxisbusError(str(number))))
     assert errors.of(1) is rare
     assert str(errors.of(1999)) == "1999"
     assert str(errors.of(1950)) == "1950"

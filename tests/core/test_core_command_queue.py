@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from axisbus.core.command_queue import AT_ONCE, MOST, CommandQueue, Waiting
+from axisbus.core.command_queue import COMMANDS_PER_CYCLE, QUEUE_LIMIT, CommandQueue, QueuedCommand
 from axisbus.errors import StateError, Stopped
 from axisbus.machine.handle import Handle
 from axisbus.motion import commands as c
@@ -28,11 +28,11 @@ def move(value: int) -> c.Move:
     return c.Move(c.TargetReference.RELATIVE, value, PROFILE)
 
 
-def given(inbox: CommandQueue, target, command) -> Waiting | None:
-    return inbox.put(Waiting(target, command, CommandStatus(f"{target}.{type(command).__name__}")))
+def given(inbox: CommandQueue, target, command) -> QueuedCommand | None:
+    return inbox.put(QueuedCommand(target, command, CommandStatus(f"{target}.{type(command).__name__}")))
 
 
-def commands(taken: list[Waiting]) -> list:
+def commands(taken: list[QueuedCommand]) -> list:
     return [(waiting.target, waiting.command) for waiting in taken]
 
 
@@ -47,18 +47,24 @@ def test_commands_that_fit_into_one_cycle_are_taken_in_order_with_stops_among_th
 
 def test_commands_too_many_for_one_cycle_wait_for_the_next_in_order():
     inbox = CommandQueue()
-    wanted = [("x", move(number)) for number in range(3 * AT_ONCE + 5)]
+    wanted = [("x", move(number)) for number in range(3 * COMMANDS_PER_CYCLE + 5)]
     for target, command in wanted:
         given(inbox, target, command)
     cycles = [commands(inbox.take()) for _ in range(5)]
-    assert [len(cycle) for cycle in cycles] == [AT_ONCE, AT_ONCE, AT_ONCE, 5, 0]
+    assert [len(cycle) for cycle in cycles] == [
+        COMMANDS_PER_CYCLE,
+        COMMANDS_PER_CYCLE,
+        COMMANDS_PER_CYCLE,
+        5,
+        0,
+    ]
     assert [waiting for cycle in cycles for waiting in cycle] == wanted
 
 
 @pytest.mark.parametrize("stop", [c.Halt(), c.Stop(), c.QuickStop(), c.Disable(), c.Disable(coast=True)])
 def test_a_stop_is_taken_at_once_and_ends_the_commands_that_it_overtakes(stop):
     inbox = CommandQueue()
-    first = [given(inbox, "x", move(number)) for number in range(AT_ONCE)]
+    first = [given(inbox, "x", move(number)) for number in range(COMMANDS_PER_CYCLE)]
     overtaken = [given(inbox, "x", move(ENDLESS + number)) for number in range(100)]
     others = [given(inbox, "y", move(number)) for number in range(100)]
     halt = given(inbox, "x", stop)
@@ -73,7 +79,7 @@ def test_a_stop_is_taken_at_once_and_ends_the_commands_that_it_overtakes(stop):
 
 def test_a_stop_overtakes_all_commands_that_share_an_axis_with_it():
     inbox = CommandQueue()
-    for number in range(AT_ONCE):
+    for number in range(COMMANDS_PER_CYCLE):
         given(inbox, "z", move(number))
     line = given(inbox, ("x", "y"), MoveLinear({"x": 1.0, "y": 1.0}, 1.0, 1.0))
     path = given(inbox, "g", MovePath(("x", "y"), EMPTY_PATH, 1.0))
@@ -82,17 +88,17 @@ def test_a_stop_overtakes_all_commands_that_share_an_axis_with_it():
     halt = given(inbox, "x", c.Halt())  # takes the line with it, and leaves y's own move
     again = given(inbox, "w", move(1))
     all_ = given(inbox, "g", ForEach({"y": c.Stop(), "w": c.Stop()}))
-    assert inbox.take()[AT_ONCE:] == [halt, all_]
+    assert inbox.take()[COMMANDS_PER_CYCLE:] == [halt, all_]
     assert all(isinstance(waiting.ticket.error, Stopped) for waiting in (line, path, resumed, own, again))
 
 
 def test_a_stop_leaves_an_override_that_waits():
     inbox = CommandQueue()
-    for number in range(AT_ONCE):
+    for number in range(COMMANDS_PER_CYCLE):
         given(inbox, "z", move(number))
     override = given(inbox, "g", GroupSetOverride(0.5))
     halt = given(inbox, "x", c.Halt())
-    assert inbox.take()[AT_ONCE:] == [halt]
+    assert inbox.take()[COMMANDS_PER_CYCLE:] == [halt]
     assert inbox.take() == [override]
 
 
@@ -131,22 +137,22 @@ def test_equal_group_commands_are_merged_only_if_no_axis_got_another_command_bet
 
 def test_no_more_than_so_many_wait_but_a_stop_finds_room():
     inbox = CommandQueue()
-    for number in range(MOST):
+    for number in range(QUEUE_LIMIT):
         assert given(inbox, "x", move(number)) is not None
     assert given(inbox, "y", move(0)) is None
     for _ in range(1000):
         for command in (c.Halt(), c.Stop(), c.QuickStop()):
             assert given(inbox, "x", command) is not None
-    assert len(inbox) == MOST + 3
+    assert len(inbox) == QUEUE_LIMIT + 3
     taken = inbox.take()
-    assert len(taken) == AT_ONCE + 3
+    assert len(taken) == COMMANDS_PER_CYCLE + 3
     assert len(inbox) == 0  # the stops have overtaken the rest
     assert given(inbox, "y", move(0)) is not None
 
 
 def test_a_closed_inbox_takes_nothing_and_gives_back_all_that_waits():
     inbox = CommandQueue()
-    waiting = [given(inbox, "x", move(number)) for number in range(AT_ONCE + 10)]
+    waiting = [given(inbox, "x", move(number)) for number in range(COMMANDS_PER_CYCLE + 10)]
     taken = inbox.take()
     waiting.append(given(inbox, "x", move(-1)))
     inbox.close()
@@ -157,7 +163,7 @@ def test_a_closed_inbox_takes_nothing_and_gives_back_all_that_waits():
 
 def test_commands_of_several_threads_are_taken_once_each_and_in_the_order_of_each_thread():
     inbox = CommandQueue()
-    taken: list[Waiting] = []
+    taken: list[QueuedCommand] = []
     done = threading.Event()
 
     def give(name: str) -> None:
@@ -185,7 +191,7 @@ def test_commands_of_several_threads_are_taken_once_each_and_in_the_order_of_eac
 
 def test_a_command_too_many_ends_its_handle_at_once_with_the_reason():
     r = rig("x").enabled()
-    handles = [r.axis.move_relative(0.001) for _ in range(MOST + 1)]
+    handles = [r.axis.move_relative(0.001) for _ in range(QUEUE_LIMIT + 1)]
     error = handles[-1].exception()
     assert isinstance(error, StateError)
     assert "too many commands are waiting" in str(error)

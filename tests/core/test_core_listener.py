@@ -36,7 +36,7 @@ class Core:
     """The acceptor of a core, without a machine: it answers each request to stop, and notes the callers."""
 
     def __init__(self, cell, answer=STANDS):
-        self.held = claim(None, CellFileId.of(cell), exclusive=False, door=True)
+        self.held = claim(None, CellFileId.of(cell), exclusive=False, accepts_clients=True)
         self.listening = socket.socket(fileno=os.dup(self.held.fileno()))
         self.door = ClientListener(self.listening)
         self.answer = answer
@@ -153,10 +153,10 @@ def test_an_invalid_request_closes_the_connection_without_effect(cell, words):
 def test_any_number_of_silent_connections_do_not_block_a_request_to_stop(cell):
     with served(cell) as core:
         (found,) = listener.machines_of(cell)
-        silent = [said(found, b"s" if number % 2 else b"") for number in range(3 * listener._MOST_NEW)]
+        silent = [said(found, b"s" if number % 2 else b"") for number in range(3 * listener._MAX_PENDING)]
         assert listener.ask_to_stop(found, StopRequest(), 5.0) == STANDS
         assert (
-            0 < len(core.door._new) <= listener._MOST_NEW
+            0 < len(core.door._pending) <= listener._MAX_PENDING
         )  # else they would take every descriptor of the core
         for line in silent:
             line.close()
@@ -193,7 +193,7 @@ def test_a_request_to_stop_is_taken_while_others_connect_repeatedly(cell):
 
 
 def test_a_core_that_does_not_answer_or_ends_is_not_reported_as_no_core(cell):
-    with claim(None, CellFileId.of(cell), exclusive=False, door=True):
+    with claim(None, CellFileId.of(cell), exclusive=False, accepts_clients=True):
         (found,) = listener.machines_of(cell)
         with pytest.raises(ScanError) as caught:
             listener.ask_to_stop(found, StopRequest(), 0.2)
@@ -204,7 +204,7 @@ def test_a_core_that_does_not_answer_or_ends_is_not_reported_as_no_core(cell):
 
 
 def test_a_core_whose_queue_is_full_is_not_reported_as_no_core(cell):
-    with claim(None, CellFileId.of(cell), exclusive=False, door=True):
+    with claim(None, CellFileId.of(cell), exclusive=False, accepts_clients=True):
         (found,) = listener.machines_of(cell)
         waiting = []
         with suppress(BlockingIOError):
@@ -234,7 +234,7 @@ def test_a_core_whose_queue_is_full_is_not_reported_as_no_core(cell):
     ids=range(7),
 )
 def test_an_answer_without_the_state_of_axes_is_no_success(cell, words):
-    with claim(None, CellFileId.of(cell), exclusive=False, door=True) as held:
+    with claim(None, CellFileId.of(cell), exclusive=False, accepts_clients=True) as held:
         (found,) = listener.machines_of(cell)
         listening = socket.socket(fileno=os.dup(held.fileno()))
 
@@ -274,7 +274,7 @@ def test_a_machine_of_another_user_is_found_and_neither_joined_nor_trusted(cell)
         (found,) = listener.machines_of(cell)
         assert found.user == STRANGER
         assert not listener.is_trusted(found, cell)
-        assert f"of user {STRANGER}" in listener.why_not(found, cell)
+        assert f"of user {STRANGER}" in listener.why_not_joinable(found, cell)
         assert listener.connect(cell) is None
 
 
@@ -284,7 +284,7 @@ def test_root_may_stop_a_machine_of_the_owner_of_the_cell_file(cell):
     os.chown(cell, STRANGER, STRANGER)
     with as_user(lambda: impostor(cell)):
         (found,) = listener.machines_of(cell)
-        assert listener.why_not(found, cell) == ""
+        assert listener.why_not_joinable(found, cell) == ""
         assert listener.ask_to_stop(found, StopRequest(), 5.0) == STANDS
 
 

@@ -32,7 +32,7 @@ def test_a_duplicate_of_an_ended_command_ends_as_that_did():
 
 def test_only_the_last_ends_are_kept():
     made = DuplicateCommands()
-    for number in range(client_handler._REMEMBERED + 1):
+    for number in range(client_handler._MAX_ENDED + 1):
         made.all_of(event(number))
     assert made.join(1000, 0) is None
     assert made.join(1001, 1) == event(1001)

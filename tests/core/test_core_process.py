@@ -131,10 +131,10 @@ def test_a_closed_machine_is_at_standstill_and_refuses_commands(file):
         handle.wait(10)
         motion = x.move_relative(1e6, velocity=50.0)
         until(lambda: motion.active, 10.0)
-        stand_in = machine.simulated_node(1)
+        simulated_node = machine.simulated_node(1)
     with pytest.raises(Stopped):
         motion.wait(1)
-    assert stand_in.drive().axis.motor.velocity == 0.0
+    assert simulated_node.drive().axis.motor.velocity == 0.0
     assert machine.cycle_jitter.cycles > 10
     assert machine.node(1).nmt in (NmtState.OPERATIONAL, NmtState.PRE_OPERATIONAL)  # as it was received last
     assert not machine.node(1).emcy
@@ -161,7 +161,7 @@ def test_a_core_that_hangs_while_its_machine_is_closed_is_replaced_and_none_of_i
     core, watchdog = machine._core.process, machine._core._process._watchdog.pid
     machine["x"].enable().wait(20)
     machine["x"].move_velocity(50.0).wait(10)
-    leave = machine._core._calls.send
+    leave = machine._core._rpc.send
 
     def hang(message):
         leave(message)
@@ -169,7 +169,7 @@ def test_a_core_that_hangs_while_its_machine_is_closed_is_replaced_and_none_of_i
             until(lambda: stage_of(machine._core._process.memory, size_of(2)) is CoreStage.LEAVING, 10.0)
             os.kill(core, signal.SIGSTOP)
 
-    machine._core._calls.send = hang
+    machine._core._rpc.send = hang
     began = time.monotonic()
     with pytest.raises(ScanError, match="and was killed") as caught:
         machine.close()
@@ -190,8 +190,8 @@ def test_a_core_that_is_killed_while_it_opens_a_machine_is_reported_with_the_cau
 
     start = launch._start
 
-    def note(duty):
-        started.append(start(duty))
+    def note(startup_args):
+        started.append(start(startup_args))
         return started[-1]
 
     monkeypatch.setattr(launch, "_start", note)

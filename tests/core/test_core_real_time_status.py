@@ -20,7 +20,7 @@ SIM = BusConfig(interface="sim")
 @pytest.fixture
 def nobody(monkeypatch):
     """A user without any right of that kind."""
-    monkeypatch.setattr(realtime_setup, "_rights", lambda: 0)
+    monkeypatch.setattr(realtime_setup, "_effective_capabilities", lambda: 0)
     monkeypatch.setattr(realtime_setup, "_LATENCY", Path("/nonexistent"))
     monkeypatch.setattr(resource, "getrlimit", lambda _: (0, 0))
     return monkeypatch
@@ -45,7 +45,7 @@ def test_a_limit_that_is_high_enough_is_a_right(nobody):
 
 @pytest.mark.parametrize(("bit", "got"), [(23, ["SCHED_FIFO"]), (14, ["memory locked"]), (22, [])])
 def test_a_capability_is_one_too(nobody, bit, got):
-    nobody.setattr(realtime_setup, "_rights", lambda: 1 << bit)
+    nobody.setattr(realtime_setup, "_effective_capabilities", lambda: 1 << bit)
     assert realtime_setup.permitted() == got
 
 
@@ -57,7 +57,7 @@ def test_the_permitted_settings_are_those_that_a_core_gets():
     # In another process: this one keeps its own.
     code = (
         "from axisbus.core import realtime_setup\n"
-        "print(realtime_setup.permitted() == realtime_setup.take_priority() + realtime_setup.keep_awake())"
+        "print(realtime_setup.permitted() == realtime_setup.set_real_time_priority() + realtime_setup.prevent_deep_sleep())"
     )
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
@@ -70,7 +70,7 @@ def test_processors_are_kept_awake_while_the_process_lives(tmp_path):
     device.touch()
     code = (
         f"import pathlib\nfrom axisbus.core import realtime_setup\nrealtime_setup._LATENCY = pathlib.Path({str(device)!r})\n"
-        "print(realtime_setup.keep_awake())\n"
+        "print(realtime_setup.prevent_deep_sleep())\n"
         "import os\nprint([os.readlink(f'/proc/self/fd/{one}') for one in (3, 4, 5) if os.path.exists(f'/proc/self/fd/{one}')])"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
@@ -80,8 +80,8 @@ def test_processors_are_kept_awake_while_the_process_lives(tmp_path):
     assert device.read_bytes() == bytes(4)
 
 
-def test_without_permission_keep_awake_returns_nothing(nobody):
-    assert realtime_setup.keep_awake() == []
+def test_without_permission_prevent_deep_sleep_returns_nothing(nobody):
+    assert realtime_setup.prevent_deep_sleep() == []
 
 
 @pytest.mark.parametrize(
@@ -100,7 +100,7 @@ def in_a_process(isolated):
     code = (
         f"import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.isolated = lambda: {isolated}\n"
         "before = sorted(os.sched_getaffinity(0))\n"
-        "print([realtime_setup.take_processor(), sorted(os.sched_getaffinity(0)), before])"
+        "print([realtime_setup.pin_to_isolated_processor(), sorted(os.sched_getaffinity(0)), before])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     return ast.literal_eval(done.stdout)
@@ -132,9 +132,9 @@ def test_an_isolated_processor_is_named_before_the_start(nobody):
 )
 def test_threads_with_priority_take_turns_and_the_scan_alone_is_ahead_of_them():
     code = (
-        "import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.take_priority()\n"
+        "import os\nfrom axisbus.core import realtime_setup\nrealtime_setup.set_real_time_priority()\n"
         "def rank(): return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority\n"
-        "others = rank()\nrealtime_setup.lead()\nprint(others, rank())"
+        "others = rank()\nrealtime_setup.raise_scan_priority()\nprint(others, rank())"
     )
     ran = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert ran.stdout.strip() == f"{(os.SCHED_RR, 10)} {(os.SCHED_FIFO, 50)}"

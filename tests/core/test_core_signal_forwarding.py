@@ -25,17 +25,17 @@ def test_a_signal_that_its_program_handles_is_not_forwarded(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGINT)
-    assert ear.look(10.0) is None
-    assert ear.look(10.09) is None
+    assert ear.poll(10.0) is None
+    assert ear.poll(10.09) is None
     assert inside.recv(1) == bytes((signal.SIGINT,))
-    assert ear.look(10.2) is None
+    assert ear.poll(10.2) is None
 
 
 def test_an_unhandled_signal_is_forwarded_once_after_a_tenth_of_a_second_and_left_to_its_program(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGTERM)
-    assert [ear.look(now) for now in (5.0, 5.05, 5.11, 5.2)] == [None, None, ("SIGTERM", 1), None]
+    assert [ear.poll(now) for now in (5.0, 5.05, 5.11, 5.2)] == [None, None, ("SIGTERM", 1), None]
     assert inside.recv(8) == bytes((signal.SIGTERM,))
 
 
@@ -43,20 +43,20 @@ def test_a_second_signal_is_forwarded_too_and_a_later_one_starts_again(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGINT)
-    assert [ear.look(now) for now in (1.0, 1.11)] == [None, ("Ctrl-C", 1)]
+    assert [ear.poll(now) for now in (1.0, 1.11)] == [None, ("Ctrl-C", 1)]
     signalled(outside, signal.SIGINT)
-    assert ear.look(1.12) == ("Ctrl-C", 2)
+    assert ear.poll(1.12) == ("Ctrl-C", 2)
     inside.recv(8)
-    assert ear.look(1.14) is None
+    assert ear.poll(1.14) is None
     signalled(outside, signal.SIGINT)
-    assert [ear.look(now) for now in (2.0, 2.05, 2.11)] == [None, None, ("Ctrl-C", 1)]
+    assert [ear.poll(now) for now in (2.0, 2.05, 2.11)] == [None, None, ("Ctrl-C", 1)]
 
 
 def test_other_signals_and_an_ended_program_are_ignored(ends):
     inside, outside = ends
     ear = SignalForwarder(inside, NAMES)
     signalled(outside, signal.SIGCHLD)
-    assert [ear.look(now) for now in (1.0, 2.0)] == [None, None]
+    assert [ear.poll(now) for now in (1.0, 2.0)] == [None, None]
     inside.recv(8)
     outside.close()
-    assert [ear.look(now) for now in (3.0, 4.0)] == [None, None]
+    assert [ear.poll(now) for now in (3.0, 4.0)] == [None, None]

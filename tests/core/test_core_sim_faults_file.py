@@ -14,12 +14,12 @@ import pytest
 from axisbus import SimulationControl
 from axisbus.cell import reader
 from axisbus.core.files import load_dictionaries
-from axisbus.core.sim_faults_file import OF_AXIS, OF_NODE, PARTS, load_faults
-from axisbus.core.sim_server import ControlDoor, Player
+from axisbus.core.sim_faults_file import AXIS_KEYS, NODE_KEYS, PARTS, load_faults
+from axisbus.core.sim_server import ControlSocket, FaultPlayer
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.errors import AdapterError, ArgumentError, AxisbusError, ConfigError, StateError, UserError
 from axisbus.sim.fault_injection import NEVER
-from axisbus.sim.fault_plan import Dial
+from axisbus.sim.fault_plan import FaultSetting
 from kit.cell import cell_text
 
 
@@ -49,11 +49,11 @@ def test_a_fault_is_read_with_all_its_keys(read):
     assert (fault.name, fault.node, fault.axis, fault.code, fault.maker_bits, fault.restart) == (
         "a-b", 2, 1, 0x2310, 4, True,
     )  # fmt: skip
-    moment = fault.moment
-    assert (moment.begin, moment.after, moment.every, moment.lasts) == (None, 0.02, 2.0, 1.5)
+    moment = fault.timing
+    assert (moment.begin, moment.after, moment.every, moment.duration) == (None, 0.02, 2.0, 1.5)
     assert moment.when({"x": {"velocity": -11.0}})
     assert not moment.when({"x": {"velocity": 9.0}})
-    assert fault.said == "axis = y, fault = 2310h, maker_bits = 4, restart = true, blocked = true"
+    assert fault.description == "axis = y, fault = 2310h, maker_bits = 4, restart = true, blocked = true"
 
 
 DIALS = """
@@ -78,7 +78,7 @@ program = { control_refused = { 1 = 0x06090030 } }
 
 def test_every_kind_of_dial_is_read(read):
     (fault,) = read(DIALS)
-    assert {dial.name: dial.value for dial in fault.dials} == {
+    assert {setting.name: setting.value for setting in fault.settings} == {
         "transition_delay": {4: 2.0, 2: NEVER},
         "ignore_halt": True,
         "modes_refused": frozenset({1, 3}),
@@ -94,8 +94,8 @@ def test_every_kind_of_dial_is_read(read):
         "refused_rates": frozenset({125000}),
         "control_refused": {1: 0x06090030},
     }
-    assert Dial("ignore_halt", True, True) in fault.dials
-    assert Dial("loss", 0.5, False, "lss") in fault.dials
+    assert FaultSetting("ignore_halt", True, True) in fault.settings
+    assert FaultSetting("loss", 0.5, False, "lss") in fault.settings
 
 
 def test_another_specimen_is_read_with_its_identity(read):
@@ -103,12 +103,16 @@ def test_another_specimen_is_read_with_its_identity(read):
         '[new]\nnode = 2\nbegin = "1s"\nswap = { serial = 4712, node_id = 255, revision = 2, software_version = "2.0" }\n'
     )
     assert fault.swap == {"serial": 4712, "node_id": 255, "revision": 2, "software_version": "2.0"}
-    assert fault.dials == ()
+    assert fault.settings == ()
 
 
 def test_every_dial_that_there_is_can_be_turned(cell):
     made = devices(cell, load_dictionaries(cell))[1]
-    for keys, dials in ((OF_AXIS, made.drive.dials), (OF_NODE, made.dials), (PARTS["lss"], made.dials.lss)):
+    for keys, dials in (
+        (AXIS_KEYS, made.drive.dials),
+        (NODE_KEYS, made.dials),
+        (PARTS["lss"], made.dials.lss),
+    ):
         there = {name for name in type(dials).__dataclass_fields__ if name not in PARTS}
         assert set(keys) == there
 
@@ -152,7 +156,7 @@ def test_the_conditions_look_at_the_drives_in_the_units_of_their_axes(cell, read
     dictionaries = load_dictionaries(cell)
     made = devices(cell, dictionaries)
     faults = read('[a]\naxis = "y"\nwhen = "x.position > 45"\nblocked = true\n')
-    player = Player(faults, cell, dictionaries, made, threading.Lock())
+    player = FaultPlayer(faults, cell, dictionaries, made, threading.Lock())
     scale = float(cell.axes["x"].scale)
     for degrees in (0.0, 44.9):
         made[1].drive.position = round(degrees * scale)
@@ -169,7 +173,7 @@ def test_the_conditions_look_at_the_drives_in_the_units_of_their_axes(cell, read
 def served(cell, tmp_path):
     lock = threading.RLock()
     made = devices(cell, load_dictionaries(cell))
-    door = ControlDoor(
+    door = ControlSocket(
         tmp_path / "control", {node: SimulatedNode(device, lock) for node, device in made.items()}
     )
     yield tmp_path / "control", made
@@ -207,9 +211,9 @@ def test_private_attributes_are_refused(served):
     path, _ = served
     with SimulationControl(path) as plant:
         with pytest.raises(AttributeError):
-            plant.simulated_node(1).drive()._begin()
+            plant.simulated_node(1).drive()._reset_state()
         with pytest.raises(StateError, match="private"):
-            plant.simulated_node(1)._go("__class__", None)  # as a client of one's own might ask
+            plant.simulated_node(1)._access("__class__", None)  # as a client of one's own might ask
 
 
 def test_invalid_requests_end_their_own_connection_only(served):
@@ -235,19 +239,19 @@ def test_a_socket_that_was_left_is_replaced_and_nothing_else(cell, tmp_path):
     left = tmp_path / "left"
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as gone:
         gone.bind(str(left))
-    door = ControlDoor(left, {})
+    door = ControlSocket(left, {})
     with pytest.raises(UserError, match="cannot be made"):
-        ControlDoor(left, {})
+        ControlSocket(left, {})
     with SimulationControl(left) as plant:
         assert plant.nodes == ()
     door.close()
     (tmp_path / "file").write_text("mine")
     with pytest.raises(UserError, match="is not a socket"):
-        ControlDoor(tmp_path / "file", {})
+        ControlSocket(tmp_path / "file", {})
     assert (tmp_path / "file").read_text() == "mine"
     for path in (tmp_path / "none" / "c", tmp_path / ("n" * 120)):
         with pytest.raises(UserError, match="cannot be made"):
-            ControlDoor(path, {})
+            ControlSocket(path, {})
     with pytest.raises(AdapterError, match="no simulated drives"):
         SimulationControl(tmp_path / "nobody")
     assert os.umask(0o022) == 0o022

@@ -179,7 +179,7 @@ def test_a_repeated_request_is_sent_once_and_nothing_is_sent_after_the_end(feede
     sink.wait(lambda: len(sink.samples(1)) == 40)
     feeder.request(1, 51, 20)
     assert sink.samples(1)[-1] == 1.0
-    sink.wait(lambda: feeder._fed == {})  # it is over
+    sink.wait(lambda: feeder._trajectories == {})  # it is over
 
 
 def test_several_trajectories_are_served_in_turns(sink):
@@ -228,7 +228,7 @@ def test_if_one_trajectory_cannot_be_sent_the_others_continue(feeder, sink):
     feeder.request(1, 11, 40)
     feeder.request(2, 11, 40)
     sink.wait(lambda: len(sink.samples(2)) == 40)
-    assert 1 not in feeder._fed
+    assert 1 not in feeder._trajectories
 
 
 def test_samples_of_a_dropped_trajectory_are_not_sent(feeder, sink):
@@ -267,14 +267,14 @@ def test_a_forked_child_sends_nothing_and_does_not_wait_for_an_inherited_lock(fe
     added(feeder, 1, Line())
     feeder.request(1, 11, 5)
     sink.wait(lambda: sink.chunks)
-    with feeder._wanted:  # as the thread might
+    with feeder._changed:  # as the thread might
         child = os.fork()
         if not child:
             feeder.disown()
             feeder.request(1, 16, 5)
             feeder.drop(1)
             feeder.close()
-            os._exit(0 if feeder._thread is None and not feeder._fed else 1)
+            os._exit(0 if feeder._thread is None and not feeder._trajectories else 1)
     assert os.waitpid(child, 0)[1] == 0
     feeder.request(1, 16, 5)
     sink.wait(lambda: len(sink.samples(1)) == 10)

@@ -204,11 +204,11 @@ def test_turning_for_a_day_loses_no_increment():
     while led.drive.velocity != 123_457:
         led.cycle(target_velocity=123_457)
     led.cycle()
-    first = led.drive._whole + led.drive._part
+    first = led.drive._whole + led.drive._fraction
     cycles = 200_000
     for _ in range(cycles):
         led.cycle()
-    assert led.drive._whole + led.drive._part - first == pytest.approx(cycles * 1234.57, abs=0.01)
+    assert led.drive._whole + led.drive._fraction - first == pytest.approx(cycles * 1234.57, abs=0.01)
 
 
 def test_a_quick_stop_ends_without_power():
@@ -276,15 +276,15 @@ def test_the_velocity_of_a_virtual_drive_jumps_with_a_cyclic_target_only(asked):
     for wish, cycles in asked:
         word, wish = wish["word"], {key: value for key, value in wish.items() if key != "word"}
         for _ in range(cycles):
-            before, place = led.drive._way.velocity, led.drive._whole + led.drive._part
+            before, place = led.drive._profile.velocity, led.drive._whole + led.drive._fraction
             led.cycle(word, **wish)
             follows = (led.drive.state, led.drive.mode) == (PowerState.OPERATION_ENABLED, CSP) and not (
                 word or 0
             ) & HALT
             if follows and "target_position" in wish:
                 continue
-            now = led.drive._way.velocity
-            moved = (led.drive._whole + led.drive._part - place) / PERIOD
+            now = led.drive._profile.velocity
+            moved = (led.drive._whole + led.drive._fraction - place) / PERIOD
             if led.drive.mode != CSP:
                 assert abs(now - before) <= hardest * (1 + 1e-9)
                 assert min(before, now) - hardest <= moved <= max(before, now) + hardest

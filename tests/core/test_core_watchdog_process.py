@@ -11,13 +11,13 @@ from typing import NamedTuple
 
 import pytest
 
-from axisbus.core.process.rescue import BEAT, WatchdogProcessMonitor, state_of
+from axisbus.core.process.rescue import BEAT_PERIOD, WatchdogProcessMonitor, state_of
 
 
 class Look(NamedTuple):
     """One look: seconds since the one before, whether a byte came, and the state of the process."""
 
-    passed: float = BEAT
+    passed: float = BEAT_PERIOD
     came: bool = False
     state: str = "S"
 
@@ -28,7 +28,7 @@ def found(looks: list[Look]) -> tuple[int, str] | None:
     watch = WatchdogProcessMonitor(now, lambda: state)
     for number, look in enumerate(looks):
         now, state = now + look.passed, look.state
-        if (why := watch.look(now, look.came)) is not None:
+        if (why := watch.poll(now, look.came)) is not None:
             return number, why
     return None
 
@@ -36,7 +36,7 @@ def found(looks: list[Look]) -> tuple[int, str] | None:
 @pytest.mark.parametrize("state", ["T", "t", "S", "Z", ""])
 def test_a_watchdog_process_that_stops_sending_is_detected_within_a_second(state):
     number, why = found([Look(came=True)] * 20 + [Look(state=state)] * 20) or (99, "")
-    assert 0.6 < (number - 19) * BEAT < 1.0
+    assert 0.6 < (number - 19) * BEAT_PERIOD < 1.0
     assert why.startswith("the watchdog process of the core has not answered for 0.")
 
 
@@ -46,7 +46,7 @@ def test_a_watchdog_process_waiting_for_the_computer_has_five_seconds_before_the
 ):
     assert found([Look(state=state)] * 45) is None
     number, why = found([Look(state=state)] * 60) or (0, "")
-    assert 5.0 <= (number + 1) * BEAT < 5.3
+    assert 5.0 <= (number + 1) * BEAT_PERIOD < 5.3
     assert why.startswith("the watchdog process of the core got no processor time for 5.")
 
 

@@ -256,7 +256,7 @@ def test_no_frame_fails_listening_before_the_bus_is_opened(frames):
                 fake.inbox.put(frame)
         cast = ExpectedMasters(frozenset({1}), frozenset({127}))
         for look in (
-            lambda: detect_other_master.require_alone(channel, cast, 0.02),
+            lambda: detect_other_master.require_no_other_master(channel, cast, 0.02),
             lambda: detect_other_master.bus_activity(channel, 0.01),
         ):
             assert str(fuzz.outcome(look))

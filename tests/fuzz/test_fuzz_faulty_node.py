@@ -71,7 +71,7 @@ def judged(cell: Line, machine: Machine) -> Iterator[None]:
     try:
         yield
     except (AssertionError, AxisbusError):
-        if cell.stand_ins._lost > 0.0 or machine._core.scan.starvation.text(time.monotonic()):
+        if cell.simulated_nodes._lost > 0.0 or machine._core.scan.starvation.text(time.monotonic()):
             pytest.skip("the computer was too busy to tell")
         raise
 
@@ -143,7 +143,7 @@ class Spoiled:
         self.spoiled = 0
         self._dice = random.Random(seed)
         self._share = share
-        (slave,) = [node.slave for node in cell.stand_ins.nodes if node.slave.device.node_id == MAD]
+        (slave,) = [node.slave for node in cell.simulated_nodes.nodes if node.slave.device.node_id == MAD]
         self._take = slave.take_frames
         slave.take_frames = self.take  # type: ignore[method-assign]
 

@@ -18,12 +18,12 @@ BOUND = 4 * TRIES * (MOST + 2000)
 
 ways = st.sampled_from(list(SdoTransferType))
 uploads = st.builds(
-    lambda where, way: SdoTransferRequest(*where, None, TIMEOUT, TRIES, way, MOST),
+    lambda where, transfer_type: SdoTransferRequest(*where, None, TIMEOUT, TRIES, transfer_type, MOST),
     st.sampled_from(fuzz.OBJECTS),
     ways,
 )
 downloads = st.builds(
-    lambda where, size, way: SdoTransferRequest(*where, bytes(size), TIMEOUT, TRIES, way),
+    lambda where, size, transfer_type: SdoTransferRequest(*where, bytes(size), TIMEOUT, TRIES, transfer_type),
     st.sampled_from(fuzz.OBJECTS),
     st.sampled_from([0, 1, 4, 5, 7, 8, 100, 300, 900]),
     st.sampled_from([SdoTransferType.NORMAL, SdoTransferType.BLOCK, SdoTransferType.AUTO]),
@@ -93,8 +93,8 @@ def endless(
     return count
 
 
-def upload(way: SdoTransferType = SdoTransferType.NORMAL, most: int = LONGEST) -> SdoSession:
-    return SdoSession(SdoTransferRequest(0x1008, 0, None, TIMEOUT, 1, way, most))
+def upload(transfer_type: SdoTransferType = SdoTransferType.NORMAL, most: int = LONGEST) -> SdoSession:
+    return SdoSession(SdoTransferRequest(0x1008, 0, None, TIMEOUT, 1, transfer_type, most))
 
 
 def test_segments_without_a_byte_do_not_continue_for_ever():

@@ -155,7 +155,7 @@ def test_a_forked_child_that_disowns_its_streams_does_not_close_those_of_its_par
 
 def test_a_reader_that_looks_ends_both_ends_when_its_number_is_closed():
     with both() as (near, far):
-        near.look()
+        near.watch_for_loss()
         heard: list[bytes] = []
         reader = threading.Thread(target=lambda: heard.extend(near.messages()))
         reader.start()
@@ -167,10 +167,10 @@ def test_a_reader_that_looks_ends_both_ends_when_its_number_is_closed():
         assert not far.lost
 
 
-@pytest.mark.parametrize("end", ["_line", "_wakes", "_wake"])
+@pytest.mark.parametrize("end", ["_line", "_wake_receiver", "_wake_source"])
 def test_a_file_that_has_taken_a_sockets_number_is_neither_read_nor_written_nor_closed(end, tmp_path):
     with both() as (near, far):
-        near.look()
+        near.watch_for_loss()
         reader = threading.Thread(target=lambda: list(near.messages()))
         reader.start()
         number = getattr(near, end)._line.fileno()

@@ -17,8 +17,8 @@ from hypothesis import strategies as st
 
 from axisbus import errors
 from axisbus.ipc import messages as m
-from axisbus.ipc.errors import Elsewhere
-from axisbus.ipc.values import Codec, NotForCrossing
+from axisbus.ipc.errors import RemoteTraceback
+from axisbus.ipc.values import Codec, NotSendable
 from axisbus.motion.command_status import Status
 from axisbus.motion.commands import (
     ControllerCommand,
@@ -136,7 +136,7 @@ class Stranger:
     [Stranger(), FollowTrajectory(TrapezoidalTrajectory(0.0, 1.0, 1.0, 1.0)), object(), 1j, {2**70: 1}],
 )
 def test_values_of_unknown_classes_do_not_cross(value):
-    with pytest.raises((NotForCrossing, OverflowError)):
+    with pytest.raises((NotSendable, OverflowError)):
         m.CODEC.pack(value)
 
 
@@ -158,20 +158,20 @@ def test_values_of_unknown_classes_do_not_cross(value):
     ids=range(11),
 )
 def test_bytes_without_a_known_value_are_refused(data):
-    with pytest.raises(NotForCrossing):
+    with pytest.raises(NotSendable):
         m.CODEC.unpack(data)
 
 
 @given(st.binary(max_size=200))
 def test_no_bytes_do_anything_but_make_a_value_or_be_refused(data):
-    with suppress(NotForCrossing):
+    with suppress(NotSendable):
         m.CODEC.unpack(data)
 
 
 def test_two_codecs_know_their_own_classes_alone():
     codec = Codec([TargetReference])
     assert codec.unpack(codec.pack(TargetReference.RELATIVE)) is TargetReference.RELATIVE
-    with pytest.raises(NotForCrossing, match=r"Status cannot be sent to another process"):
+    with pytest.raises(NotSendable, match=r"Status cannot be sent to another process"):
         codec.pack(Status.DONE)
 
 
@@ -217,7 +217,7 @@ def test_the_cause_of_an_error_arrives_as_the_text_of_its_traceback():
             raise errors.CommandError("it broke off") from cause
     except errors.CommandError as error:
         found = crossed(error)
-    assert isinstance(found.__cause__, Elsewhere)
+    assert isinstance(found.__cause__, RemoteTraceback)
     assert "ValueError: of a library" in str(found.__cause__)
     assert "test_ipc_values.py" in str(found.__cause__)
 

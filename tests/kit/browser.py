@@ -19,7 +19,7 @@ from selenium.webdriver.remote.webelement import WebElement
 
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
-from kit.served_page import Served, served, until
+from kit.served_page import ServedDrives, served, until
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 DRIVER = shutil.which("chromedriver")
@@ -196,7 +196,7 @@ class Page:
 
 
 @contextmanager
-def opened_page(folder: Path, axis: str = "") -> Iterator[tuple[Served, Page]]:
+def opened_page(folder: Path, axis: str = "") -> Iterator[tuple[ServedDrives, Page]]:
     """Serve a machine and its page as ``served``, and open the page in a browser."""
     with served(folder, axis) as at:
         driver = chromium()

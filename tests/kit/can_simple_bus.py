@@ -10,7 +10,7 @@ from contextlib import contextmanager
 import can
 
 from axisbus.drives.gim6010.sim.module import Module
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.sending_device import Talker
 
 _channels = (f"modules-{os.getpid()}-{number}" for number in itertools.count())
@@ -20,7 +20,7 @@ _channels = (f"modules-{os.getpid()}-{number}" for number in itertools.count())
 def modules_on_bus(*modules: Module) -> Iterator[str]:
     """Let modules live on a bus; yields the channel's name."""
     name = next(_channels)
-    with StandIns(name, [], guests=modules):
+    with SimulatedNetwork(name, [], foreign_nodes=modules):
         yield name
 
 

@@ -212,7 +212,7 @@ class Cell(PlantProbe):
     @property
     def lock(self) -> AbstractContextManager[object]:
         """The lock that stops the plants meanwhile."""
-        return next(iter(self.machine._core.stand_ins.values())).lock
+        return next(iter(self.machine._core.simulated_nodes.values())).lock
 
     @property
     def now(self) -> float:

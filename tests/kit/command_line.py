@@ -22,7 +22,7 @@ from axisbus.cli.shared.common import run
 from axisbus.clock import REAL, poll_until
 from axisbus.eds import load
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 
 ROOT = Path(__file__).parents[2]
 _OWN = tempfile.mkdtemp(prefix="axisbus-cell-")  # a machine of another worker's copy is not this one's
@@ -83,13 +83,15 @@ def lines_before(process: subprocess.Popen[str], words: str) -> list[str]:
 
 
 @contextmanager
-def drives(*node_ids: int) -> Iterator[tuple[StandIns, str]]:
+def drives(*node_ids: int) -> Iterator[tuple[SimulatedNetwork, str]]:
     """Generic drives on a private channel, which have started; yields them and the channel's name."""
     eds = load(GENERIC)
     name = next(_channels)
-    with StandIns(name, [device_from_eds(eds, node_id, seed=node_id) for node_id in node_ids]) as stand_ins:
-        until(lambda: all(each.drives[0].statusword & 0x6F == 0x40 for each in stand_ins.devices))
-        yield stand_ins, name
+    with SimulatedNetwork(
+        name, [device_from_eds(eds, node_id, seed=node_id) for node_id in node_ids]
+    ) as simulated_nodes:
+        until(lambda: all(each.drives[0].statusword & 0x6F == 0x40 for each in simulated_nodes.devices))
+        yield simulated_nodes, name
 
 
 def until(happened: Callable[[], bool]) -> None:

@@ -28,7 +28,7 @@ from axisbus.fleet.subscriptions import FleetSubscriptions
 from axisbus.ipc import messages as m
 from axisbus.ipc.errors import to_fields
 from axisbus.ipc.stream import MessageStream
-from axisbus.ipc.values import NotForCrossing
+from axisbus.ipc.values import NotSendable
 from axisbus.link import StopResult
 from axisbus.machine.machine import Machine
 from axisbus.motion import commands as c
@@ -115,17 +115,17 @@ def _door(parts: Sequence[bytes]) -> None:
         here, caller = listener.ClientListener(listening), None
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as line:
             line.connect(listening.getsockname())
-            here._take_in()
-            (new,) = here._new.values()
+            here._accept_connections()
+            (new,) = here._pending.values()
             line.setblocking(False)
             with suppress(BrokenPipeError, BlockingIOError):
                 for part in parts:
                     line.sendall(part[:_BUFFER])
-                    caller = here._hear(new)
-                    if caller is not None or not here._new:
+                    caller = here._receive(new)
+                    if caller is not None or not here._pending:
                         break  # the rest is not read by the acceptor
-        while caller is None and here._new:
-            caller = here._hear(new)
+        while caller is None and here._pending:
+            caller = here._receive(new)
         new.line.close()
     if caller is None:
         raise PassedOver
@@ -142,7 +142,7 @@ def _of(one: StopResult) -> tuple[str, bool, str]:
 
 def _stop_answer(parts: Sequence[bytes]) -> object:
     ours, theirs = socket.socketpair()
-    with theirs, patch.object(listener, "_enter", lambda *_: ours):
+    with theirs, patch.object(listener, "_connect_to", lambda *_: ours):
         theirs.sendall(b"".join(parts)[:_BUFFER])
         theirs.shutdown(socket.SHUT_WR)
         claim = ChannelClaim("@fuzz", False, True, "", None, "", os.getpid(), os.geteuid(), os.getegid())  # type: ignore[arg-type]
@@ -370,7 +370,7 @@ OF_CONNECTIONS: dict[str, Reader] = {
     "core's messages": reader_of(
         _core_messages,
         _core,
-        errors=(NotForCrossing,),
+        errors=(NotSendable,),
         names=says("data from another process"),
         limits=_LIMITS,
     ),

@@ -20,7 +20,7 @@ from typing import Any
 from unittest import mock
 
 from axisbus.core.process import launch, server, simulated_drives
-from axisbus.core.process.rescue import BEAT
+from axisbus.core.process.rescue import BEAT_PERIOD
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.ipc.stream import MessageStream
 
@@ -53,14 +53,14 @@ class CoreThreads:
 
     returncode: int | None = None
 
-    def __init__(self, duty: StartupArgs) -> None:
-        numbers = {each.name: getattr(duty, each.name) for each in fields(duty)}
+    def __init__(self, startup_args: StartupArgs) -> None:
+        numbers = {each.name: getattr(startup_args, each.name) for each in fields(startup_args)}
         own = {
             name: os.dup(number)
             for name, number in numbers.items()
             if name not in _NO_DESCRIPTORS and number >= 0
         }
-        self._core = ProcessThread(partial(_run, replace(duty, **own)))
+        self._core = ProcessThread(partial(_run, replace(startup_args, **own)))
         self._core.start()
 
     def wait(self, timeout: float | None = None) -> int:
@@ -75,19 +75,19 @@ class CoreThreads:
         """As of ``Popen``; the core ends with its connection."""
 
 
-def _run(duty: StartupArgs) -> None:
+def _run(startup_args: StartupArgs) -> None:
     hears, ready = socket.socketpair()
     near, far = socket.socketpair()
-    drives = ProcessThread(partial(simulated_drives.serve, duty, ready))
+    drives = ProcessThread(partial(simulated_drives.serve, startup_args, ready))
     beats = threading.Thread(target=_beat, args=(near,), daemon=True)
     with hears, ready, far:
-        if duty.simulates:
+        if startup_args.simulates:
             drives.start()
             hears.recv(1)
         beats.start()
-        server.serve(duty, far)
+        server.serve(startup_args, far)
     beats.join()
-    for number in (duty.memory, duty.tell, duty.mark):
+    for number in (startup_args.memory, startup_args.report_line, startup_args.mark):
         if number >= 0:
             os.close(number)
 
@@ -96,7 +96,7 @@ def _beat(line: socket.socket) -> None:
     with line, suppress(OSError):
         while True:
             line.sendall(b"r")
-            time.sleep(BEAT)
+            time.sleep(BEAT_PERIOD)
 
 
 class _Sockets:
@@ -134,8 +134,11 @@ def core_in_threads() -> Iterator[None]:
         (server, "StreamHandler", lambda _: logging.NullHandler()),  # the program has the log already
         (server.CoreServer, "_take_signals", lambda _: None),
         # Priority, processor and garbage collector are those of the tests.
-        *((server, name, list) for name in ("take_priority", "keep_awake", "take_processor")),
-        (simulated_drives, "take_priority", list),
+        *(
+            (server, name, list)
+            for name in ("set_real_time_priority", "prevent_deep_sleep", "pin_to_isolated_processor")
+        ),
+        (simulated_drives, "set_real_time_priority", list),
         (server, "IdleCollector", mock.MagicMock()),
     ]
     with ExitStack() as stack:

@@ -80,12 +80,12 @@ def toshiba_vf_s15(device: Device) -> None:
     Toshiba: TOSVERT VF-S15 CANopen function manual, section 6.1.2.
     """
 
-    def look(power: PowerStage) -> None:
-        PowerStage._look(power)
+    def accept(power: PowerStage) -> None:
+        PowerStage._accept_requested(power)
         if power.stage is Stage.SWITCHED_ON and power.pending is None and power._word & 0x87 == 0x07:
             power._accept(4)
 
-    _become(device.drive.power, _look=look)
+    _become(device.drive.power, _accept_requested=accept)
 
 
 # -- statusword --------------------------------------------------------------------------------------------------------------

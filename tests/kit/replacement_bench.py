@@ -23,7 +23,7 @@ from axisbus.eds import dcf, loads, writer
 from axisbus.eds.io import reader
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import Guest
+from axisbus.sim.node.network import ForeignNode
 from axisbus.sim.power import Effort
 from axisbus.sim.virtual_can import VirtualWire
 from kit.cell import with_identity
@@ -55,8 +55,8 @@ Swap = Callable[[Device], None]
 class Bench:
     """The drives, the backup of the first one, and the note of its replacement, over several programs."""
 
-    def __init__(self, folder: Path, *guests: Guest, own_node_id: bool = False) -> None:
-        """The old drive has been configured, stored and backed up; then it has no supply. ``guests`` are on the bus as well.
+    def __init__(self, folder: Path, *foreign_nodes: ForeignNode, own_node_id: bool = False) -> None:
+        """The old drive has been configured, stored and backed up; then it has no supply. ``foreign_nodes`` are on the bus as well.
 
         ``own_node_id``: the drives have no LSS; 2009h is their node-ID after the next restart, if it was stored.
         """
@@ -81,7 +81,7 @@ class Bench:
                 return restart(whole=whole)
 
             self.device.lss.restart = by_object  # type: ignore[method-assign]
-        self.wire = VirtualWire(self.clock, [self.device, self.other], guests)
+        self.wire = VirtualWire(self.clock, [self.device, self.other], foreign_nodes)
         self.file = folder / "old.dcf"
         self.note: UnfinishedReplacement | None = None
         self.downloads: list[tuple[int, int]] = []
@@ -139,13 +139,13 @@ class Bench:
             return find_drives(node, (NODE, OTHER, MASTER))
 
     def replace(
-        self, tell: Tell = lambda _: None, killed_at: int | None = None
+        self, on_step: Tell = lambda _: None, killed_at: int | None = None
     ) -> tuple[ReplacementPlan, ReplacementOutcome, list[tuple[int, bytes]]]:
         """Replace the drive as the command does; return the plan, the outcome, and the frames sent."""
         with self.program(killed_at) as (channel, node):
             made = plan(self.known(), find_drives(node, (NODE, OTHER, MASTER)))
             self.note = made.note
-            outcome = DriveReplacement(node, made.order, self._makes, tell=tell).run()
+            outcome = DriveReplacement(node, made.order, self._makes, on_step=on_step).run()
             self.note = None
             return made, outcome, channel.sent
 

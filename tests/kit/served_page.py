@@ -26,7 +26,7 @@ def until(seen: Callable[[], Any], within: float = 20.0) -> float:
 
 
 @dataclass(frozen=True)
-class Served:
+class ServedDrives:
     """The machine, with its plants in this program; the page's process and first link, and its error output."""
 
     machine: Machine
@@ -36,7 +36,7 @@ class Served:
 
 
 @contextmanager
-def served(folder: Path, axis: str = "") -> Iterator[Served]:
+def served(folder: Path, axis: str = "") -> Iterator[ServedDrives]:
     """Open a cell of two axes, x and y, and serve its page, which has control; the process is killed at the end.
 
     ``axis`` are lines for each of them.
@@ -53,6 +53,6 @@ def served(folder: Path, axis: str = "") -> Iterator[Served]:
         try:
             found = re.search(r"http\S+", web.stdout.readline())
             assert found, errors.read_text("utf-8")
-            yield Served(machine, web, found[0], errors)
+            yield ServedDrives(machine, web, found[0], errors)
         finally:
             web.kill()

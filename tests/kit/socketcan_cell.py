@@ -16,7 +16,7 @@ from axisbus.machine.handle import Handle
 from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 
 GENERIC = "builtin:generic-cia402"
 CELL = """
@@ -84,26 +84,26 @@ class Stage:
         self.file.write_text(CELL.format(channel=ours), encoding="utf-8")
         drive = eds.load(resolve(GENERIC, folder))
         self.devices: list[Device] = [device_from_eds(drive, node) for node in (1, 2)]
-        self.stand_ins = StandIns(theirs, self.devices, interface="socketcan")
-        self.stand_ins.start()
+        self.simulated_nodes = SimulatedNetwork(theirs, self.devices, interface="socketcan")
+        self.simulated_nodes.start()
 
     def open(self) -> Machine:
         return Machine.open(self.file)
 
     def speeds(self) -> list[float]:
         """The motors' speeds in increments/s."""
-        with self.stand_ins.lock:
+        with self.simulated_nodes.lock:
             return [abs(device.drives[0].axis.motor.velocity) for device in self.devices]
 
     def supply(self, *nodes: int, on: bool) -> None:
         """Take the supply of nodes away, or give it back."""
-        with self.stand_ins.lock:
+        with self.simulated_nodes.lock:
             for node in nodes:
                 self.devices[node - 1].dials.unpowered = not on
 
     def energised(self) -> list[bool]:
         """Which power stages drive their motors."""
-        with self.stand_ins.lock:
+        with self.simulated_nodes.lock:
             return [device.drives[0].power.stage.name == "ENABLED" for device in self.devices]
 
     def travelling(self, machine: Machine) -> list[Handle]:

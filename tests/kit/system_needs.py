@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-# A core in a process of its own, with the programs that join it, is for Linux: ``core.process.launch.wanted``.
+# A core in a process of its own, with the programs that join it, is for Linux: ``core.process.launch.has_own_process``.
 _OWN_PROCESS = (
     "bus.link.claims",
     "bus.link.ownership",

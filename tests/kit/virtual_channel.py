@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from axisbus.bus.link.channel import SEND_PATIENCE, Channel
 from axisbus.clock import VirtualClock
-from axisbus.sim.node.network import Guest
+from axisbus.sim.node.network import ForeignNode
 from axisbus.sim.virtual_can import VirtualWire
 
 
@@ -21,16 +21,16 @@ class KilledChannel(Channel):
 
     def __init__(
         self,
-        *guests: Guest,
+        *foreign_nodes: ForeignNode,
         killed_at: int | None = None,
         wire: VirtualWire | None = None,
         clock: VirtualClock | None = None,
     ) -> None:
         clock = clock or VirtualClock()
-        self.guests = guests
+        self.foreign_nodes = foreign_nodes
         self.sent: list[tuple[int, bytes]] = []
         self.killed_at = killed_at
-        super().__init__((wire or VirtualWire(clock, (), guests)).connect(), "simulated", clock=clock)
+        super().__init__((wire or VirtualWire(clock, (), foreign_nodes)).connect(), "simulated", clock=clock)
 
     def send(self, can_id: int, data: bytes, patience: float = SEND_PATIENCE) -> None:
         self._count(can_id, data)

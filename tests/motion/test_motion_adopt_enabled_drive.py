@@ -107,7 +107,7 @@ def test_a_drive_halted_far_from_its_csp_target_does_not_move_towards_it(offset)
     r.device.write(0x60B0, 0, offset)
     r.drive.start_enabled(CSP)
     r.drive.controlword = 0x010F
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     r.drive.target_position = 90_000
     r.run(0.3)
     assert r.drive.position == HERE
@@ -146,7 +146,7 @@ def test_a_drive_held_in_quick_stop_in_csp_loses_its_offset_before_transition_16
     r = found(CSP, offsets=(30_000, 0, 0))
     r.device.write(0x605A, 0, 6)
     r.drive.controlword = 0x0002
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     r.run(0.3)
     watch = Watch(r)
     r.axis.enable().wait(5)
@@ -237,7 +237,7 @@ def test_a_drive_that_is_switched_off_while_it_is_read_is_enabled_from_there():
     handle = r.axis.enable()
     r.run(0.05)
     r.drive.controlword = 0x0000
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     handle.wait(5)
     r.run(0.3)
     assert r.drive.power.stage == ENABLED

@@ -737,13 +737,13 @@ def test_a_pump_waits_in_virtual_time():
     assert not waiter.wait(lambda: False, 2.0)
     assert seen == [10.0, 10.5, 11.0, 11.5, 12.0]
     assert waiter.wait(lambda: len(seen) == 7, None)
-    assert not waiter.is_pumping()
-    scan.observers.append(lambda *_: seen.append(waiter.is_pumping()))
-    waiter.pump()
+    assert not waiter.is_in_cycle()
+    scan.observers.append(lambda *_: seen.append(waiter.is_in_cycle()))
+    waiter.run_cycle()
     assert seen[-2] is True
     scan.ended = True
     assert not waiter.wait(lambda: False, None)
-    waiter.pump()
+    waiter.run_cycle()
     assert len(seen) == 9
 
 

@@ -40,13 +40,13 @@ def bring_to(r, stage: int) -> None:
         r.device.write(0x605A, 0, 6)
         drive.start_enabled(1)
         drive.controlword = 0x02
-        drive.hear()
+        drive.evaluate_controlword()
     elif stage == FAULT:
         drive.fault(0x2310)
     else:
         for word in {DISABLED: (0x00,), READY: (0x06,), SWITCHED_ON: (0x06, 0x07)}[stage]:
             drive.controlword = word
-            drive.hear()
+            drive.evaluate_controlword()
             drive.step(0.005)
     r.run(0.1)
     assert drive.power.stage == stage
@@ -197,7 +197,7 @@ def test_a_drive_that_left_quick_stop_is_enabled_after_a_reset():
     r.device.write(0x605A, 0, 2)  # 16 is not taken with this option
     watch = Watch(r)
     r.drive.controlword = 0x00
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     with pytest.raises(DriveError):  # it left the held state: that is reported
         r.axis.enable().wait(3)
     r.axis.reset().wait(1)
@@ -273,7 +273,7 @@ def test_a_drive_that_falls_back_again_and_again_is_given_up():
     def drop() -> None:
         if r.drive.power.stage == SWITCHED_ON:
             r.drive.controlword = 0x00
-            r.drive.hear()
+            r.drive.evaluate_controlword()
 
     start = r.now
     while handle.busy and r.now - start < 20:
@@ -575,7 +575,7 @@ def test_bit_7_is_low_before_every_edge_even_when_another_master_left_it_high():
     r = rig()
     r.drive.fault(0x2310)
     r.drive.controlword = 0x80
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     r.drive.fault(0x2310)
     r.drive._word = 0x80
     r.run(0.5)
@@ -596,7 +596,7 @@ def test_a_drive_that_drops_out_in_errorstop_is_not_enabled_again():
     assert r.drive.power.stage == ENABLED
     watch = Watch(r)
     r.drive.controlword = 0x00  # an enable input was cut
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     r.run(2.0)
     assert watch.transitions == [9]
     assert all(word & ENABLE_BITS != ENABLE_BITS for word in watch.words[1:])
@@ -607,7 +607,7 @@ def test_a_drive_that_drops_out_at_standstill_is_reported_and_stays_off():
     r = rig().enabled()
     watch = Watch(r)
     r.drive.controlword = 0x00
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     r.run(1.0)
     assert watch.transitions == [9]
     assert r.axis.state is AxisState.ERRORSTOP

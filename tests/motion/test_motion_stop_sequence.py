@@ -239,13 +239,17 @@ def test_without_power_standstill_must_be_seen_within_the_time_limit():
     assert not stop.stop_sequence.confirmed
     assert stop.stop_sequence.coasting_text.startswith("its power is off, at ")
     assert len(stop.sent) == 64 + 2  # one second
-    standing = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, False, statusword=READY)
-    assert (standing.done, standing.stop_sequence.confirmed, standing.stop_sequence.coasting_text) == (
+    at_standstill = Stop().before(3, True, statusword=ENABLED, mode=1).run(1000, False, statusword=READY)
+    assert (
+        at_standstill.done,
+        at_standstill.stop_sequence.confirmed,
+        at_standstill.stop_sequence.coasting_text,
+    ) == (
         True,
         True,
         "",
     )
-    assert len(standing.sent) < 10
+    assert len(at_standstill.sent) < 10
     fell = (
         Stop(AfterStop.DISABLE).before(3, True, statusword=ENABLED, mode=1).run(10, False, statusword=READY)
     )

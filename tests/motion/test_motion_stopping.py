@@ -25,7 +25,7 @@ def turning(**options):
     return r
 
 
-def standing(r) -> bool:
+def at_standstill(r) -> bool:
     return abs(r.drive.axis.motor.velocity) < 1.0
 
 
@@ -45,7 +45,7 @@ def test_halt_brakes_on_the_profile_s_deceleration_to_standstill_and_keeps_the_p
     assert r.axis.state is AxisState.STANDSTILL
     r.run(2.0)
     assert watch.words == [0x0F | HALT]  # it stays halted until something new is wanted
-    assert standing(r)
+    assert at_standstill(r)
 
 
 def test_halt_repeated_is_harmless_and_all_handles_end():
@@ -87,7 +87,7 @@ def test_a_drive_switched_off_during_a_halt_at_standstill_disables_its_axis_at_o
     r.run(0.3)
     halted = r.axis.halt()
     r.drive.controlword = 0x0000
-    r.drive.hear()
+    r.drive.evaluate_controlword()
     seen = []
     for _ in range(3):
         r.run(PERIOD)
@@ -126,7 +126,7 @@ def test_a_drive_found_enabled_has_the_halt_time_while_it_moves():
     r = rig(stop_times=StopTimes(halt=2.0))
     for word in (0x06, 0x07, 0x0F):  # another master's
         r.drive.controlword = word
-        r.drive.hear()
+        r.drive.evaluate_controlword()
     r.run(0.3)
     assert r.axis.state is AxisState.STANDSTILL
     r.axis.halt()
@@ -145,7 +145,7 @@ def test_a_halt_that_the_drive_ignores_is_followed_by_a_quick_stop_and_reported(
     assert "halt > quick stop" in caught.value.observed
     assert "halt_time" in caught.value.remedy
     assert 11 in watch.transitions
-    assert standing(r)
+    assert at_standstill(r)
     assert r.axis.state is AxisState.ERRORSTOP
 
 
@@ -157,7 +157,7 @@ def test_stop_locks_the_axis_until_it_is_released():
     watch = Watch(r)
     r.axis.stop().wait(3)
     assert r.axis.state is AxisState.STOPPING
-    assert standing(r)
+    assert at_standstill(r)
     for command in (
         lambda: r.axis.move_relative(5.0),
         lambda: r.axis.move_velocity(5.0),
@@ -222,7 +222,7 @@ def test_a_stop_during_a_halt_locks_and_gives_no_more_time():
 def test_stopped_holds_the_axis_within_a_block():
     r = turning()
     with r.axis.held_stopped(3.0):
-        assert standing(r)
+        assert at_standstill(r)
         assert r.axis.state is AxisState.STOPPING
     assert r.axis.state is AxisState.STANDSTILL
     with pytest.raises(ZeroDivisionError), r.axis.held_stopped(3.0):
@@ -272,7 +272,7 @@ def test_quick_stop_with_an_option_that_disables_ends_disabled():
     r.run(0.2)
     assert watch.transitions == [11, 12]
     assert r.axis.state is AxisState.DISABLED
-    assert standing(r)
+    assert at_standstill(r)
     watch.forget()
     r.run(1.0)
     assert watch.transitions == []  # nothing switches it on again
@@ -367,7 +367,7 @@ def test_quick_stop_during_a_halt_is_harder_at_once():
     begin, end = watch.moving()
     assert end - begin < 0.1
     halt.wait()
-    assert standing(r)
+    assert at_standstill(r)
 
 
 def test_a_motion_that_a_stop_has_ended_names_the_stop():
@@ -437,7 +437,7 @@ def test_no_enabling_controlword_is_sent_while_a_stop_runs_without_a_statusword(
     r.run(2.0)
     blind = [item.outputs.controlword for item in watch.sent if item.outputs.controlword is not None]
     assert all(word & 0x0F != 0x0F for word in blind)
-    assert standing(r)
+    assert at_standstill(r)
 
 
 def test_halt_in_a_stop_time_of_one_cycle_is_no_trap():
@@ -446,4 +446,4 @@ def test_halt_in_a_stop_time_of_one_cycle_is_no_trap():
     handle = r.axis.halt()
     r.until(lambda: not handle.busy)
     r.run(0.5)
-    assert standing(r)
+    assert at_standstill(r)

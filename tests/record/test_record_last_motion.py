@@ -121,7 +121,7 @@ def test_a_plot_of_the_last_motion_can_be_saved(cell, tmp_path):
 
 
 def test_only_the_last_minute_is_kept_and_the_collector_has_nothing_to_look_at(typed, monkeypatch):
-    monkeypatch.setattr(last_motion, "KEPT", 1.0)
+    monkeypatch.setattr(last_motion, "HISTORY_SECONDS", 1.0)
     with Machine.simulated(CELL) as machine:
         machine["z"].enable().wait()
         machine["z"].move_relative(5.0).wait()

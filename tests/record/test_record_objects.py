@@ -102,8 +102,8 @@ def test_an_object_that_a_boot_up_maps_to_another_place_is_read_there_and_its_la
     objects.write(lambda *value: written.append(value), until=5.0)
     assert written == [("a", 1.0, 1), ("b", 1.0, 2)]
     there = [place(8, 8, None, "b"), place(0, 8, None, "a", 0x281)]
-    assert objects.look() == ["a"]
-    assert objects.look() == []
+    assert objects.locate_again() == ["a"]
+    assert objects.locate_again() == []
     ((hear, wanted),) = session.taps.items()
     assert wanted == {0x181, 0x281}
     hear([CanFrame(5.1, 0x281, b"\x04"), CanFrame(5.1, 0x181, b"\x63\x05")])
@@ -129,13 +129,13 @@ def test_frames_are_transferred_unchanged_and_dropped_ones_are_counted():
     ]
     queue = FrameQueue()
     for frame in frames:
-        queue.hear(frame)
+        queue.put(frame)
     packed, lost = queue.take()
     assert (list(unpacked(packed)), lost) == (frames, 0)
-    queue.want((0x181,))
+    queue.select((0x181,))
     for _ in range(20_010):
-        queue.hear(frames[0])
-        queue.hear(frames[1])
+        queue.put(frames[0])
+        queue.put(frames[1])
     packed, lost = queue.take()
     assert (len(list(unpacked(packed))), lost) == (20_000, 10)
     assert queue.take() == (b"", 0)

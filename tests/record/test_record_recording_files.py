@@ -243,11 +243,11 @@ def test_cycles_that_cannot_be_written_in_time_are_counted_and_reported(tmp_path
     with Machine.simulated(CELL) as cell, cell.recording(path) as recording:
         cell.sleep(0.1)
         snapshots, now = cell.session.snapshots, recording._seen
-        recording._looked = math.inf  # no writing meanwhile
+        recording._last_events = math.inf  # no writing meanwhile
         for number in range(_MOST + 5):
             recording._observe(now + number, snapshots)
         assert 5 <= recording.lost <= 40
-        recording._looked = 0.0
+        recording._last_events = 0.0
     told = [event.text for event in load(path).events if event.sort == "recording"]
     assert told == [f"{recording.lost} cycles are missing: not read in time"]
 

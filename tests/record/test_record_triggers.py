@@ -13,7 +13,7 @@ from axisbus.errors import ArgumentError
 from axisbus.motion.io import IoReading
 from axisbus.record.load import load
 from axisbus.record.objects import MappedSignal, WantedObject
-from axisbus.record.triggers import IoMoment
+from axisbus.record.triggers import IoTrigger
 from kit.cell import SCALE, Stage, cell_text
 from kit.io_module import LEVEL, MODULE
 
@@ -174,13 +174,13 @@ class Frames:
             hear([CanFrame(time, 0x185, bytes([value])) for time, value in frames])
 
 
-def watching(known: int | None) -> tuple[Frames, IoMoment]:
+def watching(known: int | None) -> tuple[Frames, IoTrigger]:
     session = Frames()
     session.knows(known)
     wanted = WantedObject(
         "part", 5, 0x6000, 1, "part", None, IoPoint("part", 5, 0x6000, 1, 8, False, output=False, bit=2)
     )
-    moment = IoMoment(
+    moment = IoTrigger(
         session, wanted, lambda: MappedSignal(wanted, session.place), lambda value: value is True
     )
     moment.begin()

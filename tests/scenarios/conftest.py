@@ -80,7 +80,7 @@ def from_outside(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
             monkeypatch.setattr(RemoteCore, name, property(_of_another_process), raising=False)
     yield
     for core in cores:
-        if not core._calls.over:
+        if not core._rpc.over:
             core.leave("the scenario is over")
             EXIT.part(core.session)
         if core._control is not None:  # else its drives go on beside all scenarios that follow

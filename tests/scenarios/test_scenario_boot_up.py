@@ -20,7 +20,7 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.opening import boot
 from axisbus.motion.states import AxisState
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.cell import GENERIC
 from kit.lossy_line import LossyLine
 from kit.plant_probe import ENABLED, OFF
@@ -31,7 +31,7 @@ from kit.scenarios.simulated_bus import Line, enable, until
 def impatient(monkeypatch):
     """Nodes that are not there are given up soon, and asked for again soon."""
     monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
-    monkeypatch.setattr(late_boot, "ASK_EVERY", 0.2)
+    monkeypatch.setattr(late_boot, "POLL_PERIOD", 0.2)
 
 
 def with_lines(line: Line, node: int, *lines: str) -> None:
@@ -109,7 +109,7 @@ def test_letter_l_a_restarted_master_finds_its_nodes_operational_and_resets_none
         with line.open():
             pass
         for device in line.devices.values():  # as a master leaves them that was killed
-            with line.stand_ins.lock:
+            with line.simulated_nodes.lock:
                 device.write(0x1017, 0, 100)
                 device.nmt_command(NmtCommand.START)
         booted = {name: device.boot_ups for name, device in line.devices.items()}
@@ -124,7 +124,7 @@ def test_a_node_that_was_left_stopped_is_woken_and_booted(tmp_path):
     with Line(tmp_path) as line:
         line.devices["x"].write(0x1017, 0, 100)
         until(lambda: line.devices["x"].nmt is NmtState.PRE_OPERATIONAL)
-        with line.stand_ins.lock:
+        with line.simulated_nodes.lock:
             line.devices["x"].nmt_command(NmtCommand.STOP)
         with line.open() as machine:
             assert machine.node(1).nmt is NmtState.OPERATIONAL
@@ -179,7 +179,7 @@ def test_a_drive_in_fault_that_refuses_its_configuration_names_the_fault(tmp_pat
     with Line(tmp_path, more='[nodes.1.objects]\n"6065" = 3000\n') as line:
         device = line.devices["x"]
         until(lambda: device.nmt is NmtState.PRE_OPERATIONAL)
-        with line.stand_ins.lock:
+        with line.simulated_nodes.lock:
             device.errors.report(0, 0x3220)
         device.dials.sdo_write_aborts[0x6065, 0] = 0x0800_0022
         error = refused(line)
@@ -400,7 +400,7 @@ def test_sixteen_nodes_boot_although_two_percent_of_the_frames_are_lost(tmp_path
     names = "abcdefghijklmnop"
     line = Line(tmp_path, names)
     far = f"{line.channel}-far"
-    line.stand_ins = StandIns(far, list(line.devices.values()))
+    line.simulated_nodes = SimulatedNetwork(far, list(line.devices.values()))
     with LossyLine(line.channel, far, 0.02, seed=302), line:
         reports = boot(line.file)
     assert [report.error for report in reports] == [None] * 16
@@ -451,7 +451,7 @@ def test_a_restart_and_another_nmt_state_are_reported(tmp_path):
         until(lambda: states(machine) == ["STATE"])
         machine.node(1).command(NmtCommand.START)
         until(lambda: states(machine) == ["STATE", "OPERATIONAL"])
-        with line.stand_ins.lock:
+        with line.simulated_nodes.lock:
             line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
         until(lambda: "BOOT_UP" in kinds(machine))
         event = next(event for event in machine.node(1).events if event.kind.name == "BOOT_UP")
@@ -721,7 +721,7 @@ def test_a_lost_node_that_kept_its_configuration_works_again_after_the_remedy_of
 
 def test_the_remedy_for_a_node_that_restarted_is_to_boot_it_even_if_the_node_was_started(tmp_path):
     with Line(tmp_path) as line, line.open() as machine:
-        with line.stand_ins.lock:
+        with line.simulated_nodes.lock:
             line.devices["x"].nmt_command(NmtCommand.RESET_NODE)
         until(lambda: machine["x"].error is not None)
         for started in (False, True):
@@ -760,7 +760,7 @@ def guarded_line(folder) -> Line:
 
 def test_letter_f_a_drive_that_does_not_answer_node_guarding(tmp_path):
     with guarded_line(tmp_path) as line:
-        line.stand_ins.nodes[0].slave._on_remote = lambda _: None
+        line.simulated_nodes.nodes[0].slave._on_remote = lambda _: None
         error = refused(line)
     assert (error.letter, error.step) == ("F", "error control")
     assert "remote frames" in error.remedy

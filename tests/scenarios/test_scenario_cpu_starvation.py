@@ -15,7 +15,7 @@ from pathlib import Path
 import pytest
 
 from axisbus.core.realtime_setup import IN_A_THREAD
-from axisbus.core.scan_thread import BlockedLocation, whereabouts
+from axisbus.core.scan_thread import BlockedLocation, locate_thread
 from axisbus.cpu_starvation import DRIVES, REMEDY
 from axisbus.errors import AxisbusError, NodeError, StaleError
 from axisbus.machine.machine import Machine
@@ -229,11 +229,11 @@ def test_the_location_of_a_thread_is_found():
     thread = threading.Thread(target=free.wait)
     thread.start()
     try:
-        place = whereabouts(thread.ident)
+        place = locate_thread(thread.ident)
         assert place is not None
-        assert place.place is BlockedLocation.OURS  # nothing of the program's own is on its stack
-        assert whereabouts(None) is None
+        assert place.location is BlockedLocation.AXISBUS  # nothing of the program's own is on its stack
+        assert locate_thread(None) is None
     finally:
         free.set()
         thread.join()
-    assert whereabouts(thread.ident) is None
+    assert locate_thread(thread.ident) is None

@@ -92,7 +92,7 @@ def turning_cell(folder, names: str = "xy") -> Iterator[tuple[Line, Adapter, lis
 
 def _has_target(line: Line, name: str) -> bool:
     """Whether the move has set the drive's 607Ah; its SDO writes are done then."""
-    with line.stand_ins.lock:
+    with line.simulated_nodes.lock:
         return line.devices[name].read(0x607A) > 5_000_000
 
 

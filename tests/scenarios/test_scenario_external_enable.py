@@ -19,7 +19,7 @@ def enable_on(cell: Cell) -> None:
     """Enable the drive of x from any state after *switch on disabled*."""
     drive = cell.drive()
     drive.controlword = 0x0F
-    drive.hear()
+    drive.evaluate_controlword()
 
 
 def test_a_moment_of_power_is_ended_without_an_error(tmp_path):

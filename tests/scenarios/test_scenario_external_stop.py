@@ -37,7 +37,7 @@ def axisbus_stop(monkeypatch, capsys):
 
     def call(line: Line) -> tuple[int, str]:
         monkeypatch.setattr(sys, "argv", ["axisbus", "stop", str(line.file)])
-        monkeypatch.setattr(node_stop, "_LONGEST", patience(node_stop._LONGEST))
+        monkeypatch.setattr(node_stop, "_MAX_TIME", patience(node_stop._MAX_TIME))
         return run(cli), capsys.readouterr().out
 
     return call

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from axisbus.core.command_queue import MOST
+from axisbus.core.command_queue import QUEUE_LIMIT
 from axisbus.errors import StateError, Stopped
 from axisbus.motion.command_status import CommandStatus
 from axisbus.motion.commands import MoveVelocity
@@ -51,7 +51,7 @@ def test_the_request_to_stop_everything_is_taken_before_all_that_waits(scenario)
 
 def test_a_command_too_many_is_refused_with_the_remedy(scenario, golden):
     cell = scenario.simulated("x").enabled()
-    handles = [cell.x.move_relative(0.01) for _ in range(MOST + 1)]
+    handles = [cell.x.move_relative(0.01) for _ in range(QUEUE_LIMIT + 1)]
     error = handles[-1].exception()
     assert isinstance(error, StateError)
     golden("too_many_commands", error)

@@ -125,7 +125,7 @@ def test_enable_takes_a_moving_drive_over_by_braking_it_on_its_ramp(scenario, mo
         cell.device().write(0x6081, 0, TURNING)
         cell.drive().target_position = 1_000_000
         cell.drive().controlword = 0x3F
-        cell.drive().hear()
+        cell.drive().evaluate_controlword()
         cell.run(0.5)
     if mode != CSP:
         cell.must_move(faster_than=45.0)

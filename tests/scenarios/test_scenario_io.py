@@ -378,7 +378,7 @@ def test_outputs_become_safe_when_the_wait_for_the_axes_has_timed_out(scenario, 
     sent = []
     cell.each_cycle(lambda *_: sent.append(word(cell)))
     cell.machine.close()
-    assert cell.machine._core.scan.io.left  # in its own last frames, not by SDO alone
+    assert cell.machine._core.scan.io.outputs_left  # in its own last frames, not by SDO alone
     assert word(cell) == 0
     assert 8 in sent
 

@@ -18,7 +18,7 @@ from axisbus.eds import builtin, dcf, load, writer
 from axisbus.eds.assign import entry
 from axisbus.eds.io import reader
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.scenarios.program import Program
 from kit.scenarios.simulated_bus import until
 from kit.scenarios.socket_bridge import Bridge
@@ -46,15 +46,15 @@ pytestmark = pytest.mark.timeout(300)
 class Drive:
     """A drive in this process, on a cable that programs can be plugged to."""
 
-    def __init__(self, stand_ins: StandIns, channel: str, folder: Path) -> None:
-        self.stand_ins = stand_ins
-        self.device = stand_ins.devices[0]
+    def __init__(self, simulated_nodes: SimulatedNetwork, channel: str, folder: Path) -> None:
+        self.simulated_nodes = simulated_nodes
+        self.device = simulated_nodes.devices[0]
         self.channel = channel
         self.folder = folder
 
     def held(self) -> dict[tuple[int, int], int]:
         """Its values of the objects of the DCF."""
-        with self.stand_ins.lock:
+        with self.simulated_nodes.lock:
             return {key: self.device.read(*key) for key in WANTED}
 
     @contextmanager
@@ -78,7 +78,7 @@ class Drive:
     def killed_after(self, happens: Callable[[Callable[[], None]], None], *arguments: str) -> None:
         """Run a command and kill it at the drive's signal; the drive has executed the request, and the answer is lost."""
         with self.plugged(*arguments) as process:
-            with self.stand_ins.lock:
+            with self.simulated_nodes.lock:
                 happens(process.kill)
             out, errors = process.communicate()
             assert process.returncode == KILLED, (out, errors)
@@ -118,8 +118,8 @@ class Drive:
 @pytest.fixture
 def drive(tmp_path: Path) -> Iterator[Drive]:
     channel = next(CHANNELS)
-    with StandIns(channel, [device_from_eds(load(PATH), NODE)]) as stand_ins:
-        drive = Drive(stand_ins, channel, tmp_path)
+    with SimulatedNetwork(channel, [device_from_eds(load(PATH), NODE)]) as simulated_nodes:
+        drive = Drive(simulated_nodes, channel, tmp_path)
         until(lambda: drive.device.drives[0].statusword & 0x6F == 0x40)
         yield drive
 

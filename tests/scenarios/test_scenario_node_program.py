@@ -269,7 +269,7 @@ def test_after_a_download_that_failed_the_next_boot_up_fixes_it(tmp_path):
 def test_a_drive_found_enabled_keeps_its_program_and_it_is_reported(tmp_path):
     with rig(tmp_path, DOWNLOAD) as line:
         device = line.devices["x"]
-        with line.stand_ins.lock:
+        with line.simulated_nodes.lock:
             device.power_on()
             device.drives[0].start_enabled(1)
         (report,) = boot(line.file)
@@ -283,7 +283,7 @@ def test_an_optional_drive_that_appears_while_the_machine_runs_keeps_its_program
     tmp_path, monkeypatch, golden
 ):
     monkeypatch.setattr(canlink, "FIND_TIME", 0.8)
-    monkeypatch.setattr(late_boot, "ASK_EVERY", 0.2)
+    monkeypatch.setattr(late_boot, "POLL_PERIOD", 0.2)
     (tmp_path / "firmware.bin").write_bytes(program(NEW))
     more = DOWNLOAD.format(deadline=PATIENT).replace("nodes.1", "nodes.2")
     with Line(tmp_path, "xy", eds=loader_eds(tmp_path), more=more) as line:

@@ -159,14 +159,14 @@ def test_a_handler_of_the_users_own_cannot_break_the_stop_off(scenario):
         raise ZeroDivisionError
 
     before = signal.signal(signal.SIGUSR1, raises)
-    pump, cycles = cell.machine._core._pump.pump, itertools.count(1)
+    run_cycle, cycles = cell.machine._core._virtual_waiter.run_cycle, itertools.count(1)
 
     def pumped() -> None:
-        pump()
+        run_cycle()
         if next(cycles) == 3:
             signal.raise_signal(signal.SIGUSR1)
 
-    cell.machine._core._pump.pump = pumped
+    cell.machine._core._virtual_waiter.run_cycle = pumped
     try:
         with pytest.raises(ZeroDivisionError):
             cell.machine.close()

@@ -43,7 +43,7 @@ class Loss:
     def __init__(self, line: Line, what: str) -> None:
         self.lost: list[bytes] = []
         self._is_it = LOST[what]
-        slave = line.stand_ins.nodes[0].slave
+        slave = line.simulated_nodes.nodes[0].slave
         self._slave, self._take = slave, slave._on_rpdo
         slave._on_rpdo = self._on_rpdo
 

@@ -272,7 +272,7 @@ def test_beside_opens_the_bus_nevertheless(tmp_path, way):
 
 
 def test_a_private_bus_with_our_own_simulated_drives_is_not_listened_to(scenario, monkeypatch):
-    monkeypatch.setattr(canlink, "require_alone", lambda *_: pytest.fail("listened"))
+    monkeypatch.setattr(canlink, "require_no_other_master", lambda *_: pytest.fail("listened"))
     cell = scenario.real("x").enabled()
     cell.must_be(ENABLED)
 
@@ -387,6 +387,8 @@ def test_a_quiet_bus_costs_no_more_than_that(tmp_path):
 
         with Channel.open("virtual", line.channel) as channel:
             begin = time.monotonic()
-            detect_other_master.require_alone(channel, ExpectedMasters(frozenset({1}), frozenset({127})), 0.2)
+            detect_other_master.require_no_other_master(
+                channel, ExpectedMasters(frozenset({1}), frozenset({127})), 0.2
+            )
             assert 0.2 <= time.monotonic() - begin < 0.5
             assert channel.counters.sent == 0

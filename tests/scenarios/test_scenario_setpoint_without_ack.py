@@ -54,14 +54,14 @@ def played(scenario, kind: str, axis: str = ON_CHANGE, **changes):
 def words(cell) -> list[tuple[int, float]]:
     """Every new controlword that the drive receives from now on, with its target in degrees."""
     drive, heard = cell.drive(), []
-    hear = drive._hear
+    hear = drive._evaluate_controlword
 
     def watched(word: int) -> None:
         if not heard or heard[-1][0] != word:
             heard.append((word, drive.target_position / SCALE))
         hear(word)
 
-    drive._hear = watched
+    drive._evaluate_controlword = watched
     return heard
 
 
@@ -166,7 +166,7 @@ def test_a_halted_axis_moves_to_its_new_target_only_and_once(scenario):
 def test_bit_4_is_held_for_a_time_and_repeated(scenario):
     """A drive that looks at its controlword every 15 ms only must not miss the edge."""
     cell = played(scenario, "never", period="2ms")
-    drive, looked, hear = cell.drive(), [0], cell.drive()._hear
+    drive, looked, hear = cell.drive(), [0], cell.drive()._evaluate_controlword
     step = drive.step
     drive.step = lambda dt: (step(dt), slow(drive._word))
 
@@ -175,7 +175,7 @@ def test_bit_4_is_held_for_a_time_and_repeated(scenario):
             looked.append(int(drive.time / 0.015))
             hear(word)
 
-    drive._hear = slow
+    drive._evaluate_controlword = slow
     for target in (5.0, 8.0, 2.0):
         cell.x.move_absolute(target).wait(10)
         assert settled(cell, target)

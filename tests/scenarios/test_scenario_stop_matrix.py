@@ -27,7 +27,7 @@ from axisbus.machine.machine import Machine
 from axisbus.machine.stop_external import stop_on_bus
 from axisbus.motion.trajectory import TrapezoidalTrajectory
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.scenarios.simulated_bus import Line, enable, until
 
 TIMES = 'halt_time = "600ms"\nquick_stop_time = "600ms"\ndisable_time = "600ms"'
@@ -72,7 +72,7 @@ MODES: dict[str, Callable[[Machine], object]] = {
 
 def _twin(bench: Bench) -> None:
     device = device_from_eds(eds.load(resolve("builtin:generic-cia402", Path())), 1, seed=9)
-    bench.stack.enter_context(StandIns(bench.channel, [device]))
+    bench.stack.enter_context(SimulatedNetwork(bench.channel, [device]))
 
 
 def _ignore_rpdos(bench: Bench) -> None:

@@ -7,41 +7,41 @@ import pytest
 from axisbus.cia301.nmt import NmtState
 from axisbus.eds import load
 from axisbus.sim.device import Device
-from axisbus.sim.fault_plan import Cue, Dial, Moment, Plan, PlannedFault, Turn
+from axisbus.sim.fault_plan import FaultChange, FaultSetting, FaultTimer, FaultTiming, Plan, PlannedFault
 from kit.pages import ROOT
 
 STEP = 0.01
 EDS = load(ROOT / "eds" / "generic-cia402.eds")
 
 
-def played(moment: Moment, seconds: float, values=lambda _: None) -> list[tuple[str, float]]:
-    cue, told = Cue(moment), []
+def played(moment: FaultTiming, seconds: float, values=lambda _: None) -> list[tuple[str, float]]:
+    cue, told = FaultTimer(moment), []
     for number in range(round(seconds / STEP)):
         now = number * STEP
         turn = cue.step(now, values(now))
-        if turn is not Turn.NOTHING:
+        if turn is not FaultChange.NOTHING:
             told.append((turn.name, pytest.approx(now, abs=1.5 * STEP)))
     return told
 
 
 def test_a_fault_begins_at_its_time_and_lasts():
-    assert played(Moment(begin=0.0), 2.0) == [("BEGINS", 0.0)]
-    assert played(Moment(begin=0.5, lasts=0.2), 2.0) == [("BEGINS", 0.5), ("ENDS", 0.7)]
-    assert played(Moment(begin=3.0), 2.0) == []
+    assert played(FaultTiming(begin=0.0), 2.0) == [("BEGINS", 0.0)]
+    assert played(FaultTiming(begin=0.5, duration=0.2), 2.0) == [("BEGINS", 0.5), ("ENDS", 0.7)]
+    assert played(FaultTiming(begin=3.0), 2.0) == []
 
 
 def test_a_fault_is_repeated_in_its_period():
-    assert played(Moment(begin=0.1, every=0.5, lasts=0.1), 1.3) == [
+    assert played(FaultTiming(begin=0.1, every=0.5, duration=0.1), 1.3) == [
         ("BEGINS", 0.1), ("ENDS", 0.2), ("BEGINS", 0.6), ("ENDS", 0.7), ("BEGINS", 1.1), ("ENDS", 1.2),
     ]  # fmt: skip
 
 
 def test_missed_occurrences_are_not_repeated():
-    cue = Cue(Moment(begin=0.1, every=0.1))
-    assert cue.step(0.1, None) is Turn.BEGINS
-    assert cue.step(5.0, None) is Turn.BEGINS
-    assert cue.step(5.01, None) is Turn.BEGINS  # one that is due now
-    assert cue.step(5.05, None) is Turn.NOTHING
+    cue = FaultTimer(FaultTiming(begin=0.1, every=0.1))
+    assert cue.step(0.1, None) is FaultChange.BEGINS
+    assert cue.step(5.0, None) is FaultChange.BEGINS
+    assert cue.step(5.01, None) is FaultChange.BEGINS  # one that is due now
+    assert cue.step(5.05, None) is FaultChange.NOTHING
 
 
 def beats(now: float) -> bool:
@@ -50,16 +50,19 @@ def beats(now: float) -> bool:
 
 
 def test_a_condition_that_becomes_true_lets_a_fault_begin_once():
-    when = Moment(when=bool)
+    when = FaultTiming(when=bool)
     assert played(when, 3.0, beats) == [("BEGINS", 0.3)]
-    assert played(Moment(when=bool, after=0.4, lasts=0.1), 3.0, beats) == [("BEGINS", 0.7), ("ENDS", 0.8)]
+    assert played(FaultTiming(when=bool, after=0.4, duration=0.1), 3.0, beats) == [
+        ("BEGINS", 0.7),
+        ("ENDS", 0.8),
+    ]
     assert played(when, 1.0, lambda _: True) == []
     assert played(when, 1.0, lambda now: now < 0.2 or now > 0.6) == [("BEGINS", 0.6)]
 
 
 def test_a_condition_starts_a_fault_again_after_its_period():
-    assert [turn for turn, _ in played(Moment(when=bool, every=0.5), 3.0, beats)] == ["BEGINS"] * 3
-    assert played(Moment(when=bool, every=1.5), 3.0, beats) == [("BEGINS", 0.3), ("BEGINS", 2.3)]
+    assert [turn for turn, _ in played(FaultTiming(when=bool, every=0.5), 3.0, beats)] == ["BEGINS"] * 3
+    assert played(FaultTiming(when=bool, every=1.5), 3.0, beats) == [("BEGINS", 0.3), ("BEGINS", 2.3)]
 
 
 def device() -> Device:
@@ -69,7 +72,7 @@ def device() -> Device:
 
 
 def planned(**what) -> PlannedFault:
-    return PlannedFault("it", "said", Moment(begin=0.1, lasts=0.2), 5, **what)
+    return PlannedFault("it", "said", FaultTiming(begin=0.1, duration=0.2), 5, **what)
 
 
 def test_fault_settings_are_set_and_restored():
@@ -77,12 +80,12 @@ def test_fault_settings_are_set_and_restored():
     one.dials.reboot_time = 0.3
     one.dials.sdo_aborts = {(0x6040, 0): 1}
     dials = (
-        Dial("blocked", True, True),
-        Dial("reboot_time", 9.0, False),
-        Dial("sdo_aborts", {(0x6060, 0): 2}, False),
-        Dial("loss", 0.5, False, "lss"),
+        FaultSetting("blocked", True, True),
+        FaultSetting("reboot_time", 9.0, False),
+        FaultSetting("sdo_aborts", {(0x6060, 0): 2}, False),
+        FaultSetting("loss", 0.5, False, "lss"),
     )
-    plan = Plan([planned(dials=dials)], {5: one})
+    plan = Plan([planned(settings=dials)], {5: one})
     assert plan.step(0.0, None) == []
     assert not one.drive.dials.blocked
     assert plan.step(0.1, None) == ["it: said"]
@@ -126,7 +129,9 @@ def test_another_specimen_has_its_own_identity_and_factory_parameters():
     device.power_on()
     device.write(0x6081, 0, 777)
     device.write(0x1010, 1, 0x6576_6173)
-    Plan([PlannedFault("new", "", Moment(begin=0.0), 5, swap={"serial": 4712})], {5: device}).step(0.0, None)
+    Plan([PlannedFault("new", "", FaultTiming(begin=0.0), 5, swap={"serial": 4712})], {5: device}).step(
+        0.0, None
+    )
     passed(device, 0.5)
     assert (device.node_id, device.nmt) == (5, NmtState.PRE_OPERATIONAL)
     assert identity(device) == (0, 0, 4712)
@@ -151,7 +156,7 @@ def test_a_specimen_without_a_node_id_answers_lss_only_and_keeps_its_identity_un
     passed(device, 0.5)
     assert device.node_id == 255
     assert device.nmt is NmtState.INITIALISING
-    assert device.hears_lss
+    assert device.accepts_lss
     for request in (b"\x04\x01", b"\x11\x05", b"\x17", b"\x04\x00"):
         device.lss_request(request.ljust(8, b"\0"), device.time)
     passed(device, 0.5)

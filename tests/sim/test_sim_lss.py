@@ -10,9 +10,9 @@ import canopen
 import pytest
 
 from axisbus.sim.device import Device
-from axisbus.sim.fault_injection import LssDials
+from axisbus.sim.fault_injection import LssFaults
 from axisbus.sim.node.lss import LssSlave
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from axisbus.sim.node.slave import Slave
 from kit.sim.eds import DRIVE, NODE, U32, make_eds
 
@@ -40,7 +40,7 @@ _channels = (f"test-sim-lss-{number}" for number in itertools.count())
 class Wire:
     """A simulated drive without a bus: frames in as hex, LSS answers out as hex, time by hand."""
 
-    def __init__(self, node_id: int = 255, serial: int = 7, dials: LssDials | None = None) -> None:
+    def __init__(self, node_id: int = 255, serial: int = 7, dials: LssFaults | None = None) -> None:
         self.device = Device(EDS, node_id, serial=serial)
         if dials is not None:
             self.device.dials.lss = self.device.lss.dials = dials
@@ -132,7 +132,7 @@ def test_fast_scan_in_hand_written_frames() -> None:
 
 
 def test_a_fault_setting_lets_fast_scan_be_answered_in_configuration_too() -> None:
-    wire = Wire(dials=LssDials(answers_on=True))
+    wire = Wire(dials=LssFaults(answers_on=True))
     assert wire.send("0401", "5100000000800000", "51001000000c0000", "51002000000c0000") == ["4f", "4f"]
     assert wire.send("5e") == ["5eff"]
 
@@ -155,7 +155,7 @@ def test_inquiries_and_identification() -> None:
 
 
 def test_requests_that_the_slave_refuses_or_ignores() -> None:
-    wire = Wire(dials=LssDials(refused_rates=frozenset({500_000})))
+    wire = Wire(dials=LssFaults(refused_rates=frozenset({500_000})))
     wire.send("0401")
     assert wire.send("1100", "1180", "11ff") == ["1101", "1101", "11"]
     assert wire.send("130002", "130005", "138000", "130003") == ["1301", "1301", "1301", "13"]
@@ -178,7 +178,7 @@ def test_activation_waits_and_is_silent_before_and_after() -> None:
 
 
 def test_dials_for_errors_delays_and_losses() -> None:
-    dials = LssDials(store_error=1, node_id_error=255, specific_error=9, delay=0.05)
+    dials = LssFaults(store_error=1, node_id_error=255, specific_error=9, delay=0.05)
     wire = Wire(dials=dials)
     wire.send("0401")
     assert wire.send("17") == []
@@ -195,7 +195,7 @@ def test_dials_for_errors_delays_and_losses() -> None:
 
 def test_loss_is_by_chance_and_repeatable() -> None:
     def answered() -> list[bool]:
-        slave = LssSlave(lambda: (1, 2, 3, 4), 255, LssDials(loss=0.3), seed=5)
+        slave = LssSlave(lambda: (1, 2, 3, 4), 255, LssFaults(loss=0.3), seed=5)
         seen = []
         for number in range(300):
             slave.on_frame(bytes.fromhex("4c00000000000000"), float(number))
@@ -218,16 +218,16 @@ def test_a_dead_or_booting_node_does_not_answer() -> None:
 
 
 @pytest.fixture
-def stand_ins() -> Iterator[StandIns]:
+def simulated_nodes() -> Iterator[SimulatedNetwork]:
     devices = [Device(FEW_ONES, 255, serial=serial, seed=serial) for serial in (0x40, 0x44)]
-    with StandIns(next(_channels), devices) as made:
+    with SimulatedNetwork(next(_channels), devices) as made:
         yield made
 
 
-def test_canopens_own_master_finds_and_configures_one(stand_ins: StandIns) -> None:
+def test_canopens_own_master_finds_and_configures_one(simulated_nodes: SimulatedNetwork) -> None:
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.05
-    network.connect(interface="virtual", channel=stand_ins._options["channel"])
+    network.connect(interface="virtual", channel=simulated_nodes._options["channel"])
     try:
         assert network.lss.fast_scan() == (True, [1, 2, 3, 0x40])
         assert network.lss.inquire_node_id() == 255
@@ -235,7 +235,7 @@ def test_canopens_own_master_finds_and_configures_one(stand_ins: StandIns) -> No
         network.lss.store_configuration()
         network.lss.configure_bit_timing(2)
         network.lss.send_switch_state_global(network.lss.WAITING_STATE)
-        device = stand_ins.devices[0]
+        device = simulated_nodes.devices[0]
         end = time.monotonic() + DEADLINE
         while device.boot_ups == 0:
             assert time.monotonic() < end, "no boot-up"
@@ -247,10 +247,12 @@ def test_canopens_own_master_finds_and_configures_one(stand_ins: StandIns) -> No
         network.disconnect()
 
 
-def test_a_simulated_drive_that_got_its_node_id_is_a_node_like_any_other(stand_ins: StandIns) -> None:
+def test_a_simulated_drive_that_got_its_node_id_is_a_node_like_any_other(
+    simulated_nodes: SimulatedNetwork,
+) -> None:
     network = canopen.Network()
     network.NOTIFIER_CYCLE = 0.05
-    network.connect(interface="virtual", channel=stand_ins._options["channel"])
+    network.connect(interface="virtual", channel=simulated_nodes._options["channel"])
     try:
         network.lss.RESPONSE_TIMEOUT = DEADLINE
         assert network.lss.send_switch_state_selective(1, 2, 3, 0x44)

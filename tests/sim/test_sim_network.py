@@ -18,7 +18,7 @@ from canopen.profiles.p402 import BaseNode402
 
 from axisbus.errors import AdapterError
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns, object_dictionary
+from axisbus.sim.node.network import SimulatedNetwork, object_dictionary
 from kit.can_interface import options
 from kit.sim.eds import drive_eds
 from kit.sim.heartbeat_guest import HeartbeatGuest
@@ -76,7 +76,7 @@ def master(channel: str) -> Iterator[Master]:
 
 
 def test_a_move_in_hand_written_frames(channel, master):
-    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)):
+    with SimulatedNetwork(devices=[Device(drive_eds(), 5)], **options(channel)):
         master.expect(0x705, "00")  # boot-up
         master.send(0x605, "4000100000000000")
         master.expect(0x585, "4300100092010200")
@@ -107,7 +107,7 @@ def test_a_move_in_hand_written_frames(channel, master):
 @contextmanager
 def canopens_master(channel, made) -> Iterator[BaseNode402]:
     """The node of canopen's own master for a simulated drive made from an EDS, which has booted; its time-outs are ours."""
-    with StandIns(devices=[Device(made, 5)], **options(channel)) as stand_ins:
+    with SimulatedNetwork(devices=[Device(made, 5)], **options(channel)) as simulated_nodes:
         network = canopen.Network()
         network.NOTIFIER_CYCLE = 0.05
         network.connect(**options(channel))
@@ -117,7 +117,7 @@ def canopens_master(channel, made) -> Iterator[BaseNode402]:
             node.sdo.RESPONSE_TIMEOUT = DEADLINE
             for name in ("SWITCH_OP_MODE", "SWITCH_STATE_FINAL", "SWITCH_STATE_SINGLE", "CHECK_TPDO"):
                 setattr(node, f"TIMEOUT_{name}", DEADLINE)
-            wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
+            wait_for(lambda: simulated_nodes.devices[0].boot_ups == 1, "boot-up")
             yield node
         finally:
             network.disconnect()
@@ -171,7 +171,7 @@ def test_canopens_own_402_master_sees_a_quick_stop_at_standstill(channel, change
 def test_a_slow_node_delays_no_other(channel, master):
     slow, quick = Device(drive_eds(), 1), Device(drive_eds(), 2)
     slow.dials.sdo_delay = 1.0
-    with StandIns(devices=[slow, quick], **options(channel)):
+    with SimulatedNetwork(devices=[slow, quick], **options(channel)):
         wait_for(lambda: slow.boot_ups == 1 and quick.boot_ups == 1, "boot-up")
         master.send(0x601, "4000100000000000")
         master.send(0x602, "4000100000000000")
@@ -181,8 +181,10 @@ def test_a_slow_node_delays_no_other(channel, master):
 
 
 def test_synchronous_pdos_on_the_bus(channel, master):
-    with StandIns(devices=[Device(drive_eds(x1400_2=1, x1800_2=1), 5)], **options(channel)) as stand_ins:
-        drive = stand_ins.devices[0].drive
+    with SimulatedNetwork(
+        devices=[Device(drive_eds(x1400_2=1, x1800_2=1), 5)], **options(channel)
+    ) as simulated_nodes:
+        drive = simulated_nodes.devices[0].drive
         wait_for(lambda: state(drive.statusword) == "switch on disabled", "the self-test")
         master.send(0x000, "0100")
         master.send(0x205, "060000000000")
@@ -194,9 +196,9 @@ def test_synchronous_pdos_on_the_bus(channel, master):
 
 
 def test_nmt_gates_the_bus(channel, master):
-    with StandIns(devices=[Device(drive_eds(x1017=20), 5)], **options(channel)) as stand_ins:
+    with SimulatedNetwork(devices=[Device(drive_eds(x1017=20), 5)], **options(channel)) as simulated_nodes:
         master.send(0x000, "0205")
-        wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
+        wait_for(lambda: simulated_nodes.devices[0].boot_ups == 1, "boot-up")
         master.send(0x000, "0205")
         master.expect(0x705, "04")
         master.send(0x605, "4000100000000000")
@@ -208,7 +210,7 @@ def test_nmt_gates_the_bus(channel, master):
 
 
 def test_simulated_drives_without_processor_time_are_behind(channel, master):
-    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)) as network:
+    with SimulatedNetwork(devices=[Device(drive_eds(), 5)], **options(channel)) as network:
         wait_for(lambda: not network.behind(), "they keep up")
         with network.lock:
             master.send(0x080)
@@ -218,19 +220,19 @@ def test_simulated_drives_without_processor_time_are_behind(channel, master):
 
 def test_all_simulated_drives_share_two_threads(channel):
     before = threading.active_count()
-    with StandIns(
+    with SimulatedNetwork(
         devices=[Device(drive_eds(), number) for number in range(1, 9)], **options(channel)
-    ) as stand_ins:
-        wait_for(lambda: all(device.boot_ups == 1 for device in stand_ins.devices), "boot-ups")
+    ) as simulated_nodes:
+        wait_for(lambda: all(device.boot_ups == 1 for device in simulated_nodes.devices), "boot-ups")
         assert threading.active_count() - before <= 2
     wait_for(lambda: threading.active_count() <= before, "the end of the threads")
 
 
 def test_a_node_of_the_network_gives_local_access(channel):
-    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)) as stand_ins:
-        node = stand_ins.network[5]
+    with SimulatedNetwork(devices=[Device(drive_eds(), 5)], **options(channel)) as simulated_nodes:
+        node = simulated_nodes.network[5]
         node.sdo[0x6081].raw = 4_321
-        assert stand_ins.devices[0].drive.settings.profile_velocity == 4_321
+        assert simulated_nodes.devices[0].drive.settings.profile_velocity == 4_321
         wait_for(lambda: state(node.sdo[0x6041].raw) == "switch on disabled", "the self-test")
         with pytest.raises(canopen.SdoAbortedError):
             node.get_data(0x5555, 0)
@@ -239,8 +241,8 @@ def test_a_node_of_the_network_gives_local_access(channel):
 
 
 def test_malformed_frames_do_no_harm(channel, master):
-    with StandIns(devices=[Device(drive_eds(), 5)], **options(channel)) as stand_ins:
-        wait_for(lambda: stand_ins.devices[0].boot_ups == 1, "boot-up")
+    with SimulatedNetwork(devices=[Device(drive_eds(), 5)], **options(channel)) as simulated_nodes:
+        wait_for(lambda: simulated_nodes.devices[0].boot_ups == 1, "boot-up")
         for can_id, data in (
             (0x605, ""),
             (0x605, "40"),
@@ -255,17 +257,17 @@ def test_malformed_frames_do_no_harm(channel, master):
 
 
 def test_a_channel_that_cannot_be_opened_is_named():
-    stand_ins = StandIns("nowhere", [Device(drive_eds(), 5)], interface="no-such-interface")
+    simulated_nodes = SimulatedNetwork("nowhere", [Device(drive_eds(), 5)], interface="no-such-interface")
     with pytest.raises(AdapterError, match="nowhere"):
-        stand_ins.start()
+        simulated_nodes.start()
 
 
 def test_closing_twice_is_harmless_and_a_failure_is_handed_on(channel):
-    stand_ins = StandIns(devices=[Device(drive_eds(), 5)], **options(channel))
-    stand_ins.start()
-    stand_ins.close()
-    stand_ins.close()
-    broken = StandIns(devices=[Device(drive_eds(), 6)], **options(channel))
+    simulated_nodes = SimulatedNetwork(devices=[Device(drive_eds(), 5)], **options(channel))
+    simulated_nodes.start()
+    simulated_nodes.close()
+    simulated_nodes.close()
+    broken = SimulatedNetwork(devices=[Device(drive_eds(), 6)], **options(channel))
     broken.nodes[0].slave.step = lambda _: 1 / 0
     broken.start()
     wait_for(lambda: not broken._thread.is_alive(), "the failure")
@@ -274,8 +276,10 @@ def test_closing_twice_is_harmless_and_a_failure_is_handed_on(channel):
 
 
 def test_a_node_of_another_protocol_works_beside_the_devices(channel):
-    guest = HeartbeatGuest(16)
-    with StandIns(devices=[Device(drive_eds(), 40)], guests=[guest], **options(channel)):
+    foreign_node = HeartbeatGuest(16)
+    with SimulatedNetwork(
+        devices=[Device(drive_eds(), 40)], foreign_nodes=[foreign_node], **options(channel)
+    ):
         master = Master(channel)
         try:
             master.until(lambda message: message.arbitration_id == 16 << 5 | 1, "its heartbeat")

@@ -17,7 +17,7 @@ STEPS = [0.0001, 0.001, 0.007, 0.02]
 
 def ramp_and_hold(motor: Motor, dt: float, seconds: float = 1.4) -> list[tuple[float, float]]:
     """Move a motor at 20 000 increments/s for 0.7 s, then hold; return time and position at every 0.14 s."""
-    seen, time, demand = [], 0.0, motor.seize()
+    seen, time, demand = [], 0.0, motor.restart_tracking()
     begin = demand
     for number in range(1, round(seconds / dt) + 1):
         time = number * dt
@@ -48,7 +48,7 @@ def test_the_step_width_does_not_matter(params, dt):
 @pytest.mark.parametrize("dt", STEPS)
 def test_a_loaded_motor_droops_by_load_over_stiffness(dt):
     motor = make_motor(LOADED)
-    demand = motor.seize()
+    demand = motor.restart_tracking()
     for _ in range(round(3.0 / dt)):
         motor.track(demand, dt, 3000.0)
     assert motor.position == pytest.approx(-200.0, abs=1e-6)
@@ -73,7 +73,7 @@ def test_a_soft_motor_oscillates_when_its_demand_stops():
 
 def test_a_jammed_motor_pulls_with_the_force_of_its_spring_up_to_the_limit():
     motor = make_motor(SOFT)
-    motor.seize()
+    motor.restart_tracking()
     motor.blocked = True
     for _ in range(2):
         motor.track(1000.0, 0.01, 3000.0)
@@ -85,7 +85,7 @@ def test_a_jammed_motor_pulls_with_the_force_of_its_spring_up_to_the_limit():
 @pytest.mark.parametrize("dt", STEPS)
 def test_a_motor_with_little_torque_still_stops_at_its_target(dt):
     motor = make_motor(SOFT)
-    motor.seize()
+    motor.restart_tracking()
     for _ in range(round(20.0 / dt)):
         motor.track(5000.0, dt, 300.0)
     assert motor.position == pytest.approx(5000.0, abs=1.0)
@@ -112,7 +112,7 @@ def test_an_enabled_drive_sags_and_shows_that_demand_and_actual_differ():
 def test_a_motor_that_sticks_increases_its_torque_and_then_moves(params, dt):
     motor = make_motor(params)
     motor.sticks = 400.0
-    way = motor.seize()
+    way = motor.restart_tracking()
     while motor.velocity == 0.0:
         way += 1000.0 * dt
         motor.track(way, dt, 3000.0)
@@ -129,7 +129,7 @@ def test_a_motor_that_sticks_harder_than_its_torque_limit_never_moves():
     for params in (MotorParams(), SOFT):
         motor = make_motor(params)
         motor.sticks = 5000.0
-        motor.seize()
+        motor.restart_tracking()
         for _ in range(100):
             motor.track(100_000.0, 0.01, 3000.0)
         assert (motor.position, motor.velocity, motor.torque) == (0.0, 0.0, 3000.0)

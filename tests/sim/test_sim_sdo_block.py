@@ -292,13 +292,15 @@ def test_the_server_refuses_a_block_that_does_not_hold(end, abort):
 
 
 @pytest.mark.parametrize("size", [0, 1, 4, 5, 7, 8, 14, 888, 889, 890, 65536])
-@pytest.mark.parametrize("way", list(SdoTransferType))
-def test_any_size_arrives_whole_in_both_directions(size, way):
+@pytest.mark.parametrize("transfer_type", list(SdoTransferType))
+def test_any_size_arrives_whole_in_both_directions(size, transfer_type):
     wire = SdoWire(BIG[:size])
-    session = wire.upload(way)
+    session = wire.upload(transfer_type)
     assert (session.failure, session.data) == (None, BIG[:size])
     wire = SdoWire()
-    session = wire.download(BIG[:size], SdoTransferType.BLOCK if way is SdoTransferType.AUTO else way)
+    session = wire.download(
+        BIG[:size], SdoTransferType.BLOCK if transfer_type is SdoTransferType.AUTO else transfer_type
+    )
     assert session.failure is None
     assert wire.content == BIG[:size]
 
@@ -366,12 +368,12 @@ FATES = st.dictionaries(st.integers(1, 400), st.one_of(st.none(), st.floats(0.0,
 @given(
     fates=FATES,
     size=st.integers(0, 2000),
-    way=st.sampled_from(list(SdoTransferType)),
+    transfer_type=st.sampled_from(list(SdoTransferType)),
     block_size=st.integers(1, 127),
     seed=st.integers(0, 3),
 )
 def test_after_lost_and_late_frames_the_data_is_right_or_there_is_an_error(
-    fates, size, way, block_size, seed
+    fates, size, transfer_type, block_size, seed
 ):
     """Four transfers one after another on a wire that loses and delays; the late frames of one meet the next."""
     wire = SdoWire()
@@ -381,12 +383,14 @@ def test_after_lost_and_late_frames_the_data_is_right_or_there_is_an_error(
     for _ in range(2):
         data = noise.randbytes(size) if seed else bytes(size)
         before = wire.content
-        written = wire.download(data, way if way is not SdoTransferType.AUTO else SdoTransferType.BLOCK)
+        written = wire.download(
+            data, transfer_type if transfer_type is not SdoTransferType.AUTO else SdoTransferType.BLOCK
+        )
         wire.settle()
         assert wire.content in (before, data)
         assert written.failure is not None or wire.content == data
         content = wire.content
-        read = wire.upload(way)
+        read = wire.upload(transfer_type)
         assert read.failure is not None or read.data == content
 
 

@@ -14,7 +14,7 @@ from can.interfaces.socketcand.socketcand import SocketCanDaemonBus
 from axisbus.bus.link.adapter import open_adapter
 from axisbus.errors import AdapterError
 from axisbus.sim import socketcand_server as serving
-from axisbus.sim.socketcand_protocol import GREETING, Dialogue, Frame, told
+from axisbus.sim.socketcand_protocol import GREETING, Dialogue, Frame, frame_text
 from axisbus.sim.socketcand_server import LOOPBACK, Server
 
 OPEN, RAW = b"< open sim >", b"< rawmode >"
@@ -74,12 +74,12 @@ def test_only_the_bus_that_there_is_is_opened_and_only_raw_mode_served():
 def test_a_client_of_another_protocol_is_recognised():
     dialogue = Dialogue("sim")
     dialogue.take(b"GET / HTTP/1.1\r\n" * 30)
-    assert dialogue.mad
+    assert dialogue.is_overlong
 
 
 def test_a_frame_is_written_as_the_protocol_defines():
-    assert told(Frame(0x81, b"\x01\xab"), 12.5) == b"< frame 081 12.500000 01AB >"
-    assert told(Frame(0x1ABCDEF0, b"", extended=True), 1.0) == b"< frame 1ABCDEF0 1.000000  >"
+    assert frame_text(Frame(0x81, b"\x01\xab"), 12.5) == b"< frame 081 12.500000 01AB >"
+    assert frame_text(Frame(0x1ABCDEF0, b"", extended=True), 1.0) == b"< frame 1ABCDEF0 1.000000  >"
 
 
 # -- a server --------------------------------------------------------------------------------------------------------------------

@@ -18,7 +18,7 @@ from axisbus.clock import VirtualClock
 from axisbus.errors import StateError
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import Guest
+from axisbus.sim.node.network import ForeignNode
 from axisbus.sim.virtual_can import VirtualAdapter, VirtualWire
 from kit.motion.rig import GENERIC as GENERIC_FILE
 from kit.motion.rig import dictionary_of
@@ -56,9 +56,11 @@ class Ear:
 class Bench:
     """A wire with two adapters."""
 
-    def __init__(self, *devices: Device, guests: tuple[Guest, ...] = (), bitrate: int = 1_000_000) -> None:
+    def __init__(
+        self, *devices: Device, foreign_nodes: tuple[ForeignNode, ...] = (), bitrate: int = 1_000_000
+    ) -> None:
         self.clock = VirtualClock()
-        self.wire = VirtualWire(self.clock, devices, guests, bitrate=bitrate)
+        self.wire = VirtualWire(self.clock, devices, foreign_nodes, bitrate=bitrate)
         self.one, self.two = self.wire.connect(), self.wire.connect()
         self.ear_one, self.ear = Ear(self.clock, self.one), Ear(self.clock, self.two)
 
@@ -143,7 +145,7 @@ def test_a_late_answer_is_sent_at_its_time() -> None:
 
 
 def test_modules_of_another_protocol_receive_the_nodes_and_each_other() -> None:
-    bench = Bench(node(), guests=(HeartbeatGuest(5), HeartbeatGuest(6)))
+    bench = Bench(node(), foreign_nodes=(HeartbeatGuest(5), HeartbeatGuest(6)))
     bench.clock.sleep(1.0)
     assert {0x701, 0xA1, 0xC1} <= set(bench.ear.ids)  # the boot-up message, and heartbeats of both
 

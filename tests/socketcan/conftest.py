@@ -31,7 +31,7 @@ def make_stage(tmp_path: Path) -> Iterator[Callable[[str, str], Stage]]:
 
     yield make
     for stage in stages:
-        stage.stand_ins._shut()
+        stage.simulated_nodes._shut()
 
 
 @pytest.fixture

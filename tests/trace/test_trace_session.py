@@ -15,7 +15,7 @@ from axisbus.cell import reader
 from axisbus.cia301.frame import CanFrame
 from axisbus.core.files import load_dictionaries
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from axisbus.trace import context, filters
 from axisbus.trace.decoded import FrameKind
 from axisbus.trace.decoder import Decoder
@@ -34,7 +34,7 @@ def session(tmp_path_factory):
     files = load_dictionaries(loaded)
     devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in files.items()]
     with listen("virtual", "trace-session", None, {}) as listener:
-        with StandIns("trace-session", devices), Machine.open(path) as cell:
+        with SimulatedNetwork("trace-session", devices), Machine.open(path) as cell:
             cell["x"].enable().wait()
             cell["x"].home().wait()
             cell["x"].move_absolute(1.0).wait()

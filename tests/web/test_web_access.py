@@ -204,7 +204,7 @@ def test_a_session_ends_twelve_hours_after_its_browser_was_there_last_but_for_a_
 
 def test_a_page_that_was_open_for_a_day_can_be_reloaded():
     clock = Clock()
-    served = Served(clock)
+    served = ServedDrives(clock)
 
     def page():
         clock.now += 24 * 3600.0
@@ -334,7 +334,7 @@ def test_in_no_time_nothing_is_given():
 # -- the middleware ---------------------------------------------------------------------------------------------------
 
 
-class Served:
+class ServedDrives:
     """An application behind a gate: it stores the messages that reach it."""
 
     def __init__(self, clock: Any = time.monotonic) -> None:
@@ -387,7 +387,7 @@ def texts(number: int, size: int = 10) -> list[dict[str, str]]:
 
 
 def test_every_answer_has_each_security_header_once():
-    served = Served()
+    served = ServedDrives()
     token = served.keys.issue(Role.LOOKER)
     entering, refused, well = served.ask(path=f"/enter?token={token}"), served.ask(cookie=""), served.ask()
     for sent in (entering, refused, well):
@@ -410,7 +410,7 @@ def test_every_answer_has_each_security_header_once():
 
 
 def test_the_cookie_is_kept_from_scripts_and_from_other_sites():
-    served = Served()
+    served = ServedDrives()
     sent = served.ask(path=f"/enter?token={served.keys.issue(Role.OPERATOR)}")
     cookie = dict(sent[0]["headers"])[b"set-cookie"].decode()
     assert cookie.startswith("axisbus_8402=")
@@ -424,13 +424,13 @@ def test_the_cookie_is_kept_from_scripts_and_from_other_sites():
 
 
 def test_requested_texts_are_never_interpreted_as_markup():
-    sent = Served().ask(host="<script>alert(1)</script>")
+    sent = ServedDrives().ask(host="<script>alert(1)</script>")
     assert sent[0]["status"] == 421
     assert b"<script" not in sent[1]["body"]
 
 
 def test_a_socket_that_is_refused_is_never_accepted():
-    served = Served()
+    served = ServedDrives()
     for headers in ({"origin": "http://evil.example"}, {}, {"origin": ORIGIN, "cookie": ""}):
         assert served.ask("websocket", "/_nicegui_ws/", texts(1), **headers) == [
             {"type": "websocket.close", "code": 1008}
@@ -439,7 +439,7 @@ def test_a_socket_that_is_refused_is_never_accepted():
 
 
 def test_a_flood_on_the_socket_of_the_library_closes_it():
-    served = Served()
+    served = ServedDrives()
     sent = served.ask("websocket", "/_nicegui_ws/", texts(10_000), origin=ORIGIN)
     assert sent == [{"type": "websocket.close", "code": 1008}]
     assert len(served.seen) < 200 + 2
@@ -447,20 +447,20 @@ def test_a_flood_on_the_socket_of_the_library_closes_it():
 
 
 def test_an_oversize_message_closes_it():
-    served = Served()
+    served = ServedDrives()
     sent = served.ask("websocket", "/_nicegui_ws/", texts(1, FOREIGN_MESSAGE + 1), origin=ORIGIN)
     assert sent == [{"type": "websocket.close", "code": 1009}]
     assert served.seen[1:] == [{"type": "websocket.disconnect", "code": 1009}]
 
 
 def test_our_own_socket_is_not_rate_limited():
-    served = Served()
+    served = ServedDrives()
     assert served.ask("websocket", "/live", texts(1000), origin=ORIGIN) == []
     assert len(served.seen) == 1002
 
 
 def test_a_browser_that_reloads_too_often_is_limited_alone_and_may_stop():
-    served = Served()
+    served = ServedDrives()
     other = served.keys.enter(served.keys.issue(Role.LOOKER))
     found = [served.ask()[0]["status"] for _ in range(1000)]
     assert found[:10] == [200] * 10
@@ -471,13 +471,13 @@ def test_a_browser_that_reloads_too_often_is_limited_alone_and_may_stop():
 
 
 def test_sockets_are_counted_as_long_as_they_are_open():
-    served = Served()
+    served = ServedDrives()
     for _ in range(2 * SOCKETS):
         assert served.ask("websocket", "/live", texts(1), origin=ORIGIN) == []
 
 
 def test_a_body_without_a_length_is_cut_off():
-    served = Served()
+    served = ServedDrives()
     piece = {"type": "http.request", "body": b"x" * 10_000, "more_body": True}
     served.ask("http", "/", [piece] * 20, origin=ORIGIN)
     assert sum(len(message["body"]) for message in served.seen[1:]) <= FOREIGN_MESSAGE
@@ -485,7 +485,7 @@ def test_a_body_without_a_length_is_cut_off():
 
 @pytest.mark.parametrize("path", limits.LONGER)
 def test_a_larger_body_is_allowed_only_on_the_paths_for_files(path):
-    served, most = Served(), limits.most_bytes(path)
+    served, most = ServedDrives(), limits.most_bytes(path)
     assert FOREIGN_MESSAGE < most < 8 * 1024 * 1024
     whole = {"type": "http.request", "body": bytes(most), "more_body": True}
     more = {"type": "http.request", "body": b"x"}

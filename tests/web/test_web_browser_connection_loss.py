@@ -21,7 +21,7 @@ from axisbus.errors import ScanError
 from axisbus.motion.states import AxisState
 from kit.browser import MARKS, SPACE, Page, chromium
 from kit.scenarios.core_process import turns
-from kit.served_page import Served, served, until
+from kit.served_page import ServedDrives, served, until
 from kit.stalling_network import Stalling
 
 pytestmark = MARKS
@@ -36,7 +36,7 @@ def test_a_core_that_is_killed_is_reported_and_no_value_is_shown_as_fresh(tmp_pa
         driver.quit()
 
 
-def _look(page: Page, at: Served) -> None:
+def _look(page: Page, at: ServedDrives) -> None:
     page.view("axis-x")
     assert not page.one("#dead").is_displayed()
     os.kill(at.machine._core.process, signal.SIGKILL)

@@ -19,7 +19,7 @@ from starlette.requests import Request
 
 from axisbus.boot import node
 from axisbus.boot import objects as objects_of
-from axisbus.boot.dcf import BELIEVED
+from axisbus.boot.dcf import TRUSTED_OBJECTS
 from axisbus.bus.sdo.access import try_upload
 from axisbus.cia301 import abort
 from axisbus.cia301.nmt import NmtState
@@ -56,9 +56,7 @@ def machine(tmp_path: Path) -> Iterator[Machine]:
         yield machine
 
 
-@pytest.fixture(
-    params=["in the server", pytest.param("in a process of its own", marks=pytest.mark.sweep)]
-)
+@pytest.fixture(params=["in the server", pytest.param("in a process of its own", marks=pytest.mark.sweep)])
 def anywhere(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     """Where the file of a job is parsed."""
     if request.param == "in a process of its own":
@@ -302,7 +300,7 @@ def test_no_restore_writes_an_object_that_boot_up_has_read_of_an_axis(machine, t
     eds = device(machine).eds
     settings_read = {index for index, *_ in asked if index >= 0x6000 and may_write(eds, index)}
     assert len(settings_read) > 10
-    assert settings_read <= BELIEVED
+    assert settings_read <= TRUSTED_OBJECTS
 
 
 def may_write(eds: Any, index: int) -> bool:

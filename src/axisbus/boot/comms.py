@@ -173,7 +173,7 @@ class CanComms(NodeServices):
         """The number of boot-up messages received from the node."""
         return self._node.nmt.bootups
 
-    def nobody(self) -> NodeTimeout:
+    def no_answer_error(self) -> NodeTimeout:
         """Return the error of a node that does not answer, with the known state of the node and of the bus."""
         channel = self._node.channel
         health = channel.health() or f"nothing is wrong with the channel {channel.name} itself"

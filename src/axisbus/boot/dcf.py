@@ -74,8 +74,8 @@ def own_values(cell: CellConfig, node_id: int, eds: Eds, make: DrivePlugin) -> S
     items = tuple(
         item for item in selection.items if item.key not in taken and o.pdo_of(item.key[0]) not in pdos
     )
-    ours = _bus_objects(cell)
-    return Selection(tuple(item for item in items if item.key[0] not in ours), selection.skipped)
+    bus_objects = _bus_objects(cell)
+    return Selection(tuple(item for item in items if item.key[0] not in bus_objects), selection.skipped)
 
 
 def _bus_objects(cell: CellConfig) -> frozenset[int]:
@@ -111,7 +111,7 @@ def _require_ok(report: RestoreReport, node_id: int, eds: Eds) -> None:
 
 _COMMUNICATION = range(0x1000, 0x2000)
 # Objects that boot-up reads for an axis: the master calculates with them, or has reported them to its user.
-BELIEVED = frozenset(
+TRUSTED_OBJECTS = frozenset(
     (
         *(index for index, _ in scale_proposal.OBJECTS),
         *(option.index for option in options.ALL),
@@ -149,14 +149,14 @@ def settings(
         return (
             item.key in own
             and index not in _COMMUNICATION
-            and first_axis(index) not in BELIEVED
+            and first_axis(index) not in TRUSTED_OBJECTS
             and not guarded_write.moves(eds, dictionary.entry(index, subindex))
         )
 
-    kept, left = [], []
+    writable, left_out = [], []
     for item in whole.items:
         if is_setting(item):
-            kept.append(item)
+            writable.append(item)
         else:
-            left.append(SkippedValue(item.variable, SkipReason.MACHINE))
-    return Selection(tuple(kept), (*whole.skipped, *left))
+            left_out.append(SkippedValue(item.variable, SkipReason.MACHINE))
+    return Selection(tuple(writable), (*whole.skipped, *left_out))

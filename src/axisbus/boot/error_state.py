@@ -30,7 +30,7 @@ class ErrorState:
     ago: float = 0.0
 
     @property
-    def tells(self) -> bool:
+    def has_error(self) -> bool:
         """Whether it contains an error that is still present."""
         return bool(self.register) or (self.last is not None and not self.last.is_reset)
 
@@ -51,9 +51,9 @@ class ErrorState:
         for entry in self.history:
             seen.setdefault((entry.code, entry.additional), entry)
         several = list(seen.values())
-        told = ", ".join(history_words(entry, make) for entry in several[:_MOST])
+        listed = ", ".join(history_words(entry, make) for entry in several[:_MOST])
         more = f" and {len(several) - _MOST} older" if len(several) > _MOST else ""
-        return f"its list of errors (1003h): {told or 'empty'}{more}"
+        return f"its list of errors (1003h): {listed or 'empty'}{more}"
 
     def _last(self, make: DrivePlugin) -> str:
         if self.last is None:

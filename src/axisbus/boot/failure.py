@@ -100,9 +100,9 @@ def _configuration(outcome: BootOutcome, cause: AxisbusError | None) -> BootErro
     what, observed, remedy = _what_went_wrong(outcome, cause)
     index, subindex = outcome.address or (o.VERIFY_CONFIGURATION, 0)
     setting = outcome.setting
-    wish = f"cannot be set to {setting.value!r} ({setting.source})" if setting else "cannot be set"
+    setting_text = f"cannot be set to {setting.value!r} ({setting.source})" if setting else "cannot be set"
     error = BootError(
-        f"node {outcome.node}: {index:04X}h:{subindex:02X} {wish}: {what}",
+        f"node {outcome.node}: {index:04X}h:{subindex:02X} {setting_text}: {what}",
         node=outcome.node,
         step=outcome.step,
         index=index,

@@ -82,13 +82,13 @@ class NodeBoot:
         late: bool = False,
         again: bool = False,
         before: Mapping[Address, int] | None = None,
-        tell: Callable[[str], None] = lambda _: None,
+        on_step: Callable[[str], None] = lambda _: None,
     ) -> None:
         """``progress(done, all)`` gets the bytes of a program download; ``late``: the node boots while the machine runs.
 
         ``again``: this machine has booted the node before, so a drive found enabled is one that the machine may have to stop.
         ``before``: the identity of the only device that is booted; None: any that fits cell file and EDS.
-        ``tell`` gets the name of each step as it begins.
+        ``on_step`` gets the name of each step as it begins.
         """
         self._cell = cell
         self._node: NodeConfig = cell.nodes[node_id]
@@ -98,7 +98,7 @@ class NodeBoot:
         self._progress = progress
         self._late = late
         self._again = again
-        self._tell = tell
+        self._on_step = on_step
         self._identity = ids.expected(self._node, eds)
         self._before = ids.unspecified(before or {}, self._identity)
         self._report = NodeReport(node_id)
@@ -130,7 +130,7 @@ class NodeBoot:
 
     def _locals(self) -> Locals:
         return {
-            BootPhase.STEP: lambda known: self._tell(known.step),
+            BootPhase.STEP: lambda known: self._on_step(known.step),
             BootPhase.LOOK: lambda known: self._step("state", partial(self._look, known)),
             BootPhase.PREPARE: lambda known: self._step("configuration", partial(self._prepare, known)),
             BootPhase.CONFIGURE: lambda _: self._step("configuration", self._apply_dcf),
@@ -142,7 +142,7 @@ class NodeBoot:
         report.outcome = outcome
         report.steps = list(outcome.done)
         if not outcome.ok:
-            cause = self._comms.nobody() if outcome.letter is Letter.B else answerer.error
+            cause = self._comms.no_answer_error() if outcome.letter is Letter.B else answerer.error
             report.error = self._failure(outcome, cause)
             if outcome.letter not in SILENT_OR_STRANGE:
                 self._add_errors(report.error, always=outcome.step == "start")
@@ -171,9 +171,9 @@ class NodeBoot:
         last, ago = self._comms.last_emcy() or (None, 0.0)
         with self._comms.trying(1, DEADLINE):
             found = error_state.read(self._objects, last, ago)
-        if always or found.tells:
+        if always or found.has_error:
             error.observed = "; ".join(filter(None, (error.observed, found.words(self._make))))
-        if always and not found.tells:
+        if always and not found.has_error:
             error.remedy = NAMES_NO_ERROR
 
     @property
@@ -277,8 +277,8 @@ class NodeBoot:
             self._report.warnings.append(f"found enabled: {names} cannot be read or set")
             return
         given = [write.address for write in node_writes(self._node, dictionary)]
-        told = io.prepare(self._objects, points, alone=not self._axes, given=given)
-        self._report.io = (f"transmitted by {self._comms.connect_io(points)}", *told)
+        listed = io.prepare(self._objects, points, alone=not self._axes, given=given)
+        self._report.io = (f"transmitted by {self._comms.connect_io(points)}", *listed)
 
     def _look_at_sync(self) -> None:
         """Warn if the node may not react to SYNC, expects it with another period, or may discard RPDOs after it."""
@@ -345,8 +345,8 @@ class NodeBoot:
         values = {key: self._value(axis, *key) for key in scale_proposal.OBJECTS}
         parameters = self._live_parameters(axis, values)
         how = self._comms.connect(axis, disturb=not self.found_enabled)
-        asked, parameters = parameters.feed_forward, carried(parameters, how.outputs)
-        if parameters.feed_forward is not asked:
+        configured, parameters = parameters.feed_forward, carried(parameters, how.outputs)
+        if parameters.feed_forward is not configured:
             self._report.warnings.append(
                 f"{axis.name}: no feed-forward is sent: its PDOs do not contain it, and were left unchanged"
             )
@@ -369,7 +369,7 @@ class NodeBoot:
                 self._power[axis.name].value,
                 self._power[axis.name] in ENERGISED,
                 *self._modes_shown(axis, parameters),
-                _travels(how),
+                _transport_text(how),
                 self._comms.event_timers(axis),
                 how.outputs.get("controlword") is ValueTransport.SYNC_PDO,
                 stop_sequence,
@@ -465,7 +465,7 @@ class NodeBoot:
         return self._read(axis, option.index, option.subindex)
 
 
-def _travels(how: Capabilities) -> str:
+def _transport_text(how: Capabilities) -> str:
     """Return how values are transferred, in groups: ``synchronous PDO: statusword, position; SDO: torque``."""
     groups: dict[ValueTransport, list[str]] = {}
     for name, source in (*how.outputs.items(), *how.inputs.items()):

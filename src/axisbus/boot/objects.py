@@ -36,7 +36,7 @@ class NodeObjects(Protocol):
         subindex: int,
         data: bytes,
         *,
-        way: SdoTransferType = SdoTransferType.AUTO,
+        transfer_type: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
         """Set an object's bytes; ``progress`` is called with the number of bytes that have arrived."""

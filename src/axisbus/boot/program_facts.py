@@ -181,21 +181,22 @@ def verify_program(objects: SdoUploads, found: NodePrograms, data: bytes) -> Pro
     present = if_served(objects.upload, o.PROGRAM_DATA, NUMBER) if found.can_write else None
     if present is not None:
         return _compared(present, data)
-    told = found.identity.identification
+    reported = found.identity.identification
     sums = checksums(data)
-    if told is None:
+    if reported is None:
         return ProgramVerification(
             None, "the node returns neither its program (1F50h) nor its identification (1F56h)"
         )
-    same = [name for name, value in sums.items() if value == told]
+    same = [name for name, value in sums.items() if value == reported]
     if same:
         return ProgramVerification(
-            True, f"its identification (1F56h) {told:08X}h is the {same[0]} of the file"
+            True, f"its identification (1F56h) {reported:08X}h is the {same[0]} of the file"
         )
     texts = ", ".join(f"{name} {value:08X}h" for name, value in sums.items())
     return ProgramVerification(
         None,
-        f"its identification (1F56h) is {told:08X}h, which is none of the usual checksums of the file ({texts}); its manufacturer "
+        f"its identification (1F56h) is {reported:08X}h, which is none of the usual checksums of the file ({texts}); its "
+        "manufacturer "
         "documents how it is computed",
     )
 

@@ -21,7 +21,7 @@ _ORDERS = {
 }
 
 # The contents of the node's memory, by the stage that failed.
-_LEFT = {
+_STATE_AFTER = {
     ProgramStage.STOP: "the program was not cleared: after a power cycle the node runs its old program",
     ProgramStage.CLEAR: "the old program may be cleared already: do not rely on the node before a download has succeeded",
     ProgramStage.TRANSFER: "the old program is cleared, the new one incomplete: the node is useless until a download succeeds",
@@ -160,7 +160,7 @@ def _not_allowed(state: ProgramState, download: bool) -> tuple[str, str, str]:
 
 
 def _failed(
-    outcome: BootOutcome, cause: AxisbusError | None, words: dict[str, str], other: str
+    outcome: BootOutcome, cause: AxisbusError | None, texts: dict[str, str], other: str
 ) -> tuple[str, str, str]:
     """Return message, observation and remedy; ``other``: the remedy if the node has a program other than the expected one."""
     state = outcome.program
@@ -171,8 +171,8 @@ def _failed(
         where += f" = {_ORDERS[state.stage].value}"
     return (
         f": its program could not be replaced; the replacement failed while {state.stage.value} ({where})",
-        f"{_reason(outcome, state, cause)}; {_LEFT.get(state.stage, '')}",
-        _first(outcome, state, other).format(**words),
+        f"{_reason(outcome, state, cause)}; {_STATE_AFTER.get(state.stage, '')}",
+        _first(outcome, state, other).format(**texts),
     )
 
 
@@ -199,8 +199,8 @@ def _reason(outcome: BootOutcome, state: ProgramState, cause: AxisbusError | Non
         outcome.address == (o.PROGRAM_DATA, NUMBER) and getattr(cause, "index", None) == o.PROGRAM_DATA
     )
     silent = isinstance(cause, SdoTimeout) and not broke_off  # then the last requested object means nothing
-    told = "the node no longer answers" if silent else cause.message
-    return f"{told} ({cause.observed})" if cause.observed else told
+    reason = "the node no longer answers" if silent else cause.message
+    return f"{reason} ({cause.observed})" if cause.observed else reason
 
 
 def _both(state: ProgramState) -> str:

@@ -30,7 +30,7 @@ class AxisReport:
     found_enabled: bool
     modes: tuple[str, ...]
     mode_doubts: tuple[str, ...]
-    travels: str
+    transport: str
     event_timers: tuple[EventTimer, ...]
     in_one_sync: bool
     stop_sequence: StopSequenceReport
@@ -103,8 +103,8 @@ class NodeReport:
             return lines + _outcome_lines(self.outcome)
         if self.error is not None:
             step = f" at {self.error.step}" if isinstance(self.error, BootError) else ""
-            told = f"{self.error}\n{help_line(self.error)}"
-            lines.append(f"  FAILED{step}: " + told.replace("\n", "\n  "))
+            text = f"{self.error}\n{help_line(self.error)}"
+            lines.append(f"  FAILED{step}: " + text.replace("\n", "\n  "))
             return lines + _outcome_lines(self.outcome)
         rows = [
             ("identity", self.identity),
@@ -134,7 +134,7 @@ def _axis_lines(axis: AxisReport) -> list[str]:
         f"    {'scale':<14}{axis.scale.configured}; {axis.scale.proposed}",
         *([f"    {'rated torque':<14}{rated.configured}; {rated.proposed}"] if rated is not None else []),
         *(f"    {limit:<16}{text}" for limit, text in rows(axis.promises)),
-        f"    {'travels by':<14}{axis.travels}",
+        f"    {'travels by':<14}{axis.transport}",
         *(f"    {'event timer':<14}{timer}" for timer in axis.event_timers),
         f"    {'one SYNC':<14}"
         + (
@@ -158,7 +158,7 @@ def _axis(axis: AxisReport) -> dict[str, Any]:
         "found_enabled": axis.found_enabled,
         "modes": list(axis.modes),
         "mode_doubts": list(axis.mode_doubts),
-        "travels": axis.travels,
+        "travels": axis.transport,
         "event_timers": [
             {"pdo": timer.pdo, "was_ms": timer.was, "wanted_ms": timer.wanted, "now_ms": timer.now}
             for timer in axis.event_timers

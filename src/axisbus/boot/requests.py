@@ -80,7 +80,9 @@ class Answerer:
                 return self._objects.read(request.index, request.subindex)
             if isinstance(request, b.ProgramDownload):
                 where = request.index, request.subindex
-                self._objects.download(*where, request.data, way=request.way, progress=self._progress)
+                self._objects.download(
+                    *where, request.data, transfer_type=request.transfer_type, progress=self._progress
+                )
             else:
                 self._write(request)
         return None

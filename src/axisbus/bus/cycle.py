@@ -36,7 +36,7 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import AdapterError, BusOff, TransmitQueueFull
 
 QUICK_STOP_PATIENCE = 0.5  # seconds to wait until the stop frames are accepted
-_SEND_AGAIN = 0.02  # seconds between two repetitions of the stop frames until the stop is confirmed
+_REPEAT_PERIOD = 0.02  # seconds between two repetitions of the stop frames until the stop is confirmed
 _OUR_STATE = bytes((NmtState.OPERATIONAL,))
 
 
@@ -180,7 +180,7 @@ class CanCycle:
         self._owns_channel = owns_channel
         self._clock = channel.clock.now
         self._sleep = channel.clock.sleep
-        self._waking = Waking(spin)
+        self._sleep_margin = SleepMargin(spin)
         self._stopped = False
         self._behind = False
         self._blocked = False  # the adapter accepts no frames
@@ -223,12 +223,12 @@ class CanCycle:
         """
         if self._sync_consumer is not None:
             return self._sync_consumer.wait()
-        waking, left = self._waking, t - self._clock()
-        while left > waking.early:
-            ends = left - waking.early
+        sleep_margin, left = self._sleep_margin, t - self._clock()
+        while left > sleep_margin.early:
+            ends = left - sleep_margin.early
             self._sleep(ends)
             before, left = left, t - self._clock()
-            waking.note(before - left - ends)
+            sleep_margin.note(before - left - ends)
         try:  # noqa: SIM105  # in every cycle: ``suppress`` would cost more than the check
             self._channel.check()
         except BusOff:
@@ -255,7 +255,7 @@ class CanCycle:
             for port in self._ports:
                 frames += port.take_frames()
             if self._blocked and not self._stopped:
-                self._offer(frames)
+                self._try_first_frame(frames)
             if self._stopped or not self._send(frames):
                 return
             for port in self._ports:
@@ -273,7 +273,7 @@ class CanCycle:
             for events in self._events:
                 events.look(now)
 
-    def _offer(self, frames: list[Frame]) -> None:
+    def _try_first_frame(self, frames: list[Frame]) -> None:
         """Try the first frame of this cycle once and remove it from ``frames``; once it is accepted, the others follow as usual.
 
         Raises:
@@ -397,7 +397,7 @@ class CanCycle:
         """Repeat the quick stops by RPDO, and SYNC, in a thread until the context ends; raises nothing."""
         by_pdo, _, _ = self._stop_frames()
         frames = [*by_pdo, *self._sync_frame(bool(by_pdo))]
-        return sending_again(self._channel, frames)
+        return repeating_frames(self._channel, frames)
 
     def close(self) -> None:
         """Close the ports, and the channel if this object owns it; harmless when repeated."""
@@ -458,7 +458,9 @@ def send_bounded(channel: Channel, frames: Sequence[Frame]) -> int:
 
 
 @contextmanager
-def sending_again(channel: Channel, frames: Sequence[Frame], period: float = _SEND_AGAIN) -> Iterator[None]:
+def repeating_frames(
+    channel: Channel, frames: Sequence[Frame], period: float = _REPEAT_PERIOD
+) -> Iterator[None]:
     """Send ``frames`` every ``period`` seconds in a thread until the context ends; raises nothing.
 
     A stop by synchronous RPDO takes effect with SYNC, and a single frame may be lost: so both are repeated until the stop is
@@ -488,34 +490,34 @@ def sending_again(channel: Channel, frames: Sequence[Frame], period: float = _SE
 # -- Learn from earlier sleeps how long before a deadline a sleep must end, so that it does not end late ---------------
 
 
-_SPARE = 5e-6  # seconds, added to the delay of the sleeps
-_MORE = 1.15  # factor on that delay
-_BLOCK = 50  # sleeps; the delay in one block is also used for the next one
+_MARGIN = 5e-6  # seconds, added to the delay of the sleeps
+_MARGIN_FACTOR = 1.15  # factor on that delay
+_SAMPLES = 50  # sleeps; the delay in one block is also used for the next one
 
 
-class Waking:
+class SleepMargin:
     """Holds ``early``, the seconds that a sleep must end before its deadline; never above ``most``, its initial value.
 
     The rest of the time is spent polling the clock, so each surplus microsecond costs a microsecond of a processor in every cycle.
     ``early`` follows the maximum delay of the last fifty to a hundred sleeps, at once if one was later than all of those.
     """
 
-    __slots__ = ("_before", "_latest", "_seen", "early", "most")
+    __slots__ = ("_before", "_count_seen", "_longest", "early", "most")
 
     def __init__(self, most: float) -> None:
         self.early = self.most = most
-        self._before = self._latest = 0.0
-        self._seen = 0
+        self._before = self._longest = 0.0
+        self._count_seen = 0
 
     def note(self, late: float) -> None:
         """Record that a sleep ended ``late`` seconds after its requested end."""
-        if late > self._latest:
-            self._latest = late
+        if late > self._longest:
+            self._longest = late
             self.early = max(self.early, self._needed())
-        self._seen += 1
-        if self._seen == _BLOCK:
+        self._count_seen += 1
+        if self._count_seen == _SAMPLES:
             self.early = self._needed()
-            self._before, self._latest, self._seen = self._latest, 0.0, 0
+            self._before, self._longest, self._count_seen = self._longest, 0.0, 0
 
     def _needed(self) -> float:
-        return min(self.most, _MORE * max(self._latest, self._before) + _SPARE)
+        return min(self.most, _MARGIN_FACTOR * max(self._longest, self._before) + _MARGIN)

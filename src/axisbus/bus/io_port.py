@@ -24,20 +24,20 @@ from axisbus.cia402.port import Sample
 from axisbus.errors import BusOff, SdoAbort
 
 
-class _Slot:
+class _TpdoSlot:
     """The newest frame of one TPDO; one pair, replaced as a whole, so that a reader never sees half of one."""
 
-    def __init__(self, pdo: PlannedPdo, node: CanopenNode, places: dict[Address, int]) -> None:
+    def __init__(self, pdo: PlannedPdo, node: CanopenNode, input_indices: dict[Address, int]) -> None:
         codec = PdoCodec(pdo.target.mapping, pdo.signed)
         self.cob_id = pdo.target.cob_id
         self._node = node
         self._size, self._unpack = codec.size, codec.unpack_from
         self.frames = 0
         self.latest: tuple[bytes, float] = (b"", -math.inf)
-        self._places = [
-            (position, places[mapped.index, mapped.subindex])
+        self._input_indices = [
+            (position, input_indices[mapped.index, mapped.subindex])
             for position, mapped in enumerate(pdo.target.mapping)
-            if (mapped.index, mapped.subindex) in places
+            if (mapped.index, mapped.subindex) in input_indices
         ]
 
     @property
@@ -58,10 +58,10 @@ class _Slot:
         data, stamp = self.latest
         if data:
             values = self._unpack(data)
-            for position, place in self._places:
-                before = samples[place]
+            for position, input_index in self._input_indices:
+                before = samples[input_index]
                 if before is None or before.stamp < stamp:
-                    samples[place] = None if sampled == -math.inf else Sample(values[position], sampled)
+                    samples[input_index] = None if sampled == -math.inf else Sample(values[position], sampled)
 
 
 class CanIoPort:
@@ -89,10 +89,10 @@ class CanIoPort:
         self.found: tuple[int, ...] = ()
         self.alone: tuple[int, ...] = ()
         received = [pdo for pdo in plan.active if not pdo.receive]
-        places = {address: place for place, address in enumerate(self.inputs)}
+        input_indices = {address: input_index for input_index, address in enumerate(self.inputs)}
         self.max_age = tuple(_age(address, received, scan_period) for address in self.inputs)
         self.sources = tuple(plan.inputs[name_of(address)] for address in self.inputs)
-        self._slots = [_Slot(pdo, node, places) for pdo in received]
+        self._slots = [_TpdoSlot(pdo, node, input_indices) for pdo in received]
         self._lags = lags_of(list(zip(self._slots, received, strict=True)), scan_period, node, foreign_sync)
         sent = [pdo for pdo in plan.active if pdo.receive]
         self._images = [RpdoImage(pdo) for pdo in sent]
@@ -100,15 +100,15 @@ class CanIoPort:
             RpdoPace([pdo], [image], scan_period, REPEAT)
             for pdo, image in zip(sent, self._images, strict=True)
         ]
-        self._alone: dict[
+        self._error_values: dict[
             Address, int
         ] = {}  # values that a module sets without the master, for all objects in its RPDOs
         self._samples: list[Sample | None] = [None] * len(self.inputs)
         self._frames: list[Frame] = []
         self._now = -math.inf
-        self._bootups, self._offs = node.nmt.bootups, node.channel.offs
+        self._bootups, self._bus_off_count = node.nmt.bootups, node.channel.bus_off_count
         self._returning = self._doubtful = False
-        self._was_known = self._may_hear = False
+        self._was_known = self._may_receive = False
         for slot in self._slots:
             node.channel.subscribe_cyclic(slot.cob_id, slot.on_frame)
 
@@ -121,13 +121,13 @@ class CanIoPort:
         """
         prime_outputs(self.node.sdo, self.plan, self._images, {})
         values = {address: value for image in self._images for address, value in _values(image)}
-        self._alone = {address: self._word_alone(address, value) for address, value in values.items()}
+        self._error_values = {address: self._error_value(address, value) for address, value in values.items()}
         self.found = tuple(values[address] for address in self.outputs)
-        self.alone = tuple(self._alone[address] for address in self.outputs)
-        for place, address in enumerate(self.inputs):
-            if self.max_age[place] == math.inf:  # for other inputs, the first TPDO will come soon
+        self.alone = tuple(self._error_values[address] for address in self.outputs)
+        for input_index, address in enumerate(self.inputs):
+            if self.max_age[input_index] == math.inf:  # for other inputs, the first TPDO will come soon
                 with suppress(SdoAbort):
-                    self._samples[place] = Sample(
+                    self._samples[input_index] = Sample(
                         int(self.node.sdo.read(*address)), self.node.channel.clock.now()
                     )
 
@@ -139,18 +139,18 @@ class CanIoPort:
             for pace in self._paces:
                 pace.forget()  # the node has not accepted what was sent before
         if self._was_known and known is not SignalValidity.YES:
-            self._take_alone()
-        self._was_known, self._may_hear = known is SignalValidity.YES, known in MAY_HEAR
+            self._take_error_values()
+        self._was_known, self._may_receive = known is SignalValidity.YES, known in MAY_HEAR
         if known is not SignalValidity.RESTARTED:
             sampled = self._lags.look(now, self._was_known)
             for slot, when in zip(self._slots, sampled, strict=True):
                 slot.read_into(self._samples, when)
             self._lags.ask(now, self._was_known, self.node.worker)
-        return IoInputs(known, tuple(self._samples), self._heard())
+        return IoInputs(known, tuple(self._samples), self._last_sign_of_life())
 
     def write(self, words: tuple[int | None, ...]) -> None:
         """Set a value for each output; an RPDO is sent after one of its values was set. Does not block."""
-        if not self._may_hear:
+        if not self._may_receive:
             self._frames = []
             return
         given = {address: word for address, word in zip(self.outputs, words, strict=True) if word is not None}
@@ -197,9 +197,9 @@ class CanIoPort:
 
     def _reachable(self, now: float) -> SignalValidity:
         nmt, channel = self.node.nmt, self.node.channel
-        off = isinstance(channel.off, BusOff) or channel.offs != self._offs
+        off = isinstance(channel.off, BusOff) or channel.bus_off_count != self._bus_off_count
         if off:
-            self._returning, self._offs = True, channel.offs
+            self._returning, self._bus_off_count = True, channel.bus_off_count
         elif self._returning and nmt.state is not NmtState.UNKNOWN:
             self._returning = False
             self._doubtful |= nmt.assumed or nmt.state is not NmtState.OPERATIONAL
@@ -213,25 +213,25 @@ class CanIoPort:
             return SignalValidity.SILENT
         return SignalValidity.YES if nmt.state is NmtState.OPERATIONAL else SignalValidity.NOT_OPERATIONAL
 
-    def _heard(self) -> float:
+    def _last_sign_of_life(self) -> float:
         """Return the time of the node's last sign of life; infinite if none is expected."""
         nmt = self.node.nmt
         if nmt.watched is None and not any(map(math.isfinite, self.max_age)):
             return math.inf
         return max([nmt.stamp or -math.inf, *(slot.stamp for slot in self._slots)])
 
-    def _word_alone(self, address: Address, found: int) -> int:
+    def _error_value(self, address: Address, found: int) -> int:
         row = ERROR_OBJECTS.get(address[0])
         if row is None:
             return found
         mode, value = (read_number(self.node.sdo, index, address[1]) for index in (row.mode, row.value))
         return found if mode is None or value is None else row.word(mode, value, found)
 
-    def _take_alone(self) -> None:
+    def _take_error_values(self) -> None:
         """Set all objects of the RPDOs to the module's own values, so that the next frame does not restore the values before."""
         for image in self._images:
             for (index, subindex), _ in _values(image):
-                image.put(index, subindex, self._alone[index, subindex])
+                image.put(index, subindex, self._error_values[index, subindex])
 
 
 def _values(image: RpdoImage) -> Iterator[tuple[Address, int]]:

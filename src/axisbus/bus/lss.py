@@ -79,7 +79,7 @@ class LssMaster:
         self._quiet = beside_operation
         self._inbox: UnboundedQueue[tuple[bytes, float]] = UnboundedQueue(channel.clock)
         self._next: tuple[bytes, float] | None = None  # taken from the inbox, but not evaluated yet
-        self._asked = (0, 0.0)  # the last service with an answer, and the time of the request
+        self._last_request = (0, 0.0)  # the last service with an answer, and the time of the request
 
     # -- services -----------------------------------------------------------------------------------------------------------------
 
@@ -223,44 +223,44 @@ class LssMaster:
 
     def _drive(self, dialogue: Dialogue[T]) -> T:
         try:
-            ask = next(dialogue)
+            request = next(dialogue)
             while True:
                 if self._on_progress is not None:
-                    self._on_progress(ask.found, ask.bits)
-                ask = dialogue.send(self._exchange(ask))
+                    self._on_progress(request.found, request.bits)
+                request = dialogue.send(self._exchange(request))
         except StopIteration as end:
             result: T = end.value
             return result
         finally:
             dialogue.close()
 
-    def _exchange(self, ask: LssRequest) -> LssReplies:
+    def _exchange(self, request: LssRequest) -> LssReplies:
         late: list[float] = []
         before = self._channel.clock.now()
         while (item := self._take(before)) is not None:
             self._note_late(item, late)
         sent = self._channel.clock.now()
-        self._channel.send(cob.LSS_RX, ask.frame, _SEND_PATIENCE)
+        self._channel.send(cob.LSS_RX, request.frame, _SEND_PATIENCE)
         answers: list[LssReply] = []
-        until = sent + ask.wait
+        until = sent + request.wait
         while (item := self._take(until)) is not None:
             data, stamp = item
-            if ask.expects is None:
+            if request.expects is None:
                 self._note_late(item, late)
-            elif data[:1] == bytes((ask.expects,)):
-                until = until if answers else stamp + ask.settle
+            elif data[:1] == bytes((request.expects,)):
+                until = until if answers else stamp + request.settle
                 answers.append(LssReply(data, stamp - sent))
             else:
                 self._drop(item)
-        if ask.expects is not None:
-            self._asked = ask.expects, sent
+        if request.expects is not None:
+            self._last_request = request.expects, sent
         return LssReplies(tuple(answers), tuple(late))
 
     def _note_late(self, item: tuple[bytes, float], late: list[float]) -> None:
         """Record the delay of an answer to the last request that has one; other frames are only counted."""
         self._drop(item)
         data, stamp = item
-        expected, sent = self._asked
+        expected, sent = self._last_request
         if data[:1] == bytes((expected,)):
             late.append(stamp - sent)
 

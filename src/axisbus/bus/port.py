@@ -15,7 +15,7 @@ from axisbus.bus.pdo.plan import PdoPlan
 from axisbus.bus.pdo.rpdo import REPEAT, Frame, RpdoImage, RpdoPace
 from axisbus.bus.pdo.sdo_exchange import Poller, SdoOutputs, is_motion, is_stop, prime_inputs, prime_outputs
 from axisbus.bus.pdo.setpoint_edge_order import CONTROLWORD
-from axisbus.bus.pdo.tpdo_inputs import Incoming, Requests, TpdoSlot
+from axisbus.bus.pdo.tpdo_inputs import Requests, TpdoInputs, TpdoSlot
 from axisbus.bus.pdo.tpdo_timeout import Deadline
 from axisbus.bus.sdo.worker import SdoJob
 from axisbus.cia301 import abort, cob
@@ -94,7 +94,9 @@ class CanPort:
         ]
         self._lags = lags_of(list(zip(self._slots, received, strict=True)), scan_period, node, foreign_sync)
         self._look_by = self._lags.look_by
-        self._incoming = Incoming(list(zip(self._slots, deadlines, strict=True)), scan_period, self._lags)
+        self._tpdo_inputs = TpdoInputs(
+            list(zip(self._slots, deadlines, strict=True)), scan_period, self._lags
+        )
         self._requests = Requests(self._slots)
         self.asks = bool(self._requests)  # whether there are TPDOs to request at all
         sent = [pdo for pdo in plan.active if pdo.receive]
@@ -106,9 +108,9 @@ class CanPort:
         self._poller = Poller(node.worker, polls, self.index) if polls else None
         self._sdo_outputs = SdoOutputs(node.worker, plan.outputs, self.index)
         # The only RPDO, if it carries all outputs to the drive in every cycle.
-        alone = len(sent) == 1 and self._pace.plain and self._sdo_outputs.none
-        self._only_image = self._images[0] if alone and self._images[0].holds_controlword else None
-        self._sends_more = len(plan.outputs.keys() - OUTPUT_OBJECTS.keys()) > 0
+        is_only = len(sent) == 1 and self._pace.plain and self._sdo_outputs.none
+        self._only_image = self._images[0] if is_only and self._images[0].holds_controlword else None
+        self._has_optional_outputs = len(plan.outputs.keys() - OUTPUT_OBJECTS.keys()) > 0
         self._emcy = node.emcy.feed()
         self._emergencies = self._emcy.waiting
         self._replies: deque[SdoReply] = deque()
@@ -117,7 +119,7 @@ class CanPort:
         self._committed: dict[int, bytes] = {}  # the last frame of each RPDO, by its COB-ID
         self._nmt_stopped = False
         self._channel = node.channel
-        self._offs = node.channel.offs
+        self._bus_off_count = node.channel.bus_off_count
         self._returning = False  # from a bus-off; no report of the node has come since
         self._doubtful_since: float | None = None  # end of a bus-off during which the node may have restarted
         self._energised_stamp = (
@@ -140,32 +142,34 @@ class CanPort:
 
     def read(self, now: float) -> Inputs:
         """Return the newest values and start due polls; does not block."""
-        nmt, incoming = self._nmt, self._incoming
-        if incoming.steady and now < self._look_by and not self._emergencies and not self._replies:
+        nmt, tpdo_inputs = self._nmt, self._tpdo_inputs
+        if tpdo_inputs.steady and now < self._look_by and not self._emergencies and not self._replies:
             channel = self._channel
             if (
                 nmt.state is _OPERATIONAL
                 and now <= nmt.deadline
                 and nmt.bootups == self._bootups
-                and channel.offs == self._offs
+                and channel.bus_off_count == self._bus_off_count
                 and channel.off is None
             ):
-                samples = incoming.renewed(now)
+                samples = tpdo_inputs.renewed(now)
                 if samples is not None:
                     self._now = now
                     return _tuple(Inputs, (now, True, *samples, *_ALL_QUIET))
         emcy = self._emcy.take() if self._emergencies else ()
         replies = self._take_replies() if self._replies else ()
         channel = self._channel
-        news = channel.offs != self._offs or self._returning or channel.off is not None
-        bus = self._bus_off() if news else None
+        bus_changed = (
+            channel.bus_off_count != self._bus_off_count or self._returning or channel.off is not None
+        )
+        bus = self._bus_off() if bus_changed else None
         state, silent = nmt.state, now > nmt.deadline  # now, and not before the frames that may cause them
         since = self._restarted_since
         operational = bus is None and since is None and state is _OPERATIONAL and not silent
         if operational and not self._operational:
             self._pace.forget()  # the drive has not accepted what was sent before
         self._now, self._operational = now, operational
-        samples, events = incoming.look(now, operational, self._poller)
+        samples, events = tpdo_inputs.look(now, operational, self._poller)
         if events:
             self.node.pdo_events.extend(events)
         if since is not None:
@@ -190,8 +194,13 @@ class CanPort:
         """
         image = self._only_image
         controlword, _, _, _, _, sdo, cancel, nmt_stop, _, _, _ = outputs
-        seldom = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped
-        if image is None or seldom or self._doubtful_since is not None or self._nmt.bootups != self._bootups:
+        is_special = sdo or cancel or nmt_stop or controlword is None or self._nmt_stopped
+        if (
+            image is None
+            or is_special
+            or self._doubtful_since is not None
+            or self._nmt.bootups != self._bootups
+        ):
             self._write_any(outputs)
             return
         self._frames = [image.frame_of(outputs)]
@@ -211,10 +220,10 @@ class CanPort:
     def _write_all(self, outputs: Outputs) -> None:
         for request in outputs.sdo:
             self._submit(request)
-        given = _given(outputs)
-        if self._sends_more:
-            given.update(_more(outputs))
-        controlword = self._held_back(self._sdo_outputs.take(given, outputs.controlword))
+        given = _standard_outputs(outputs)
+        if self._has_optional_outputs:
+            given.update(_optional_outputs(outputs))
+        controlword = self._hold_back(self._sdo_outputs.take(given, outputs.controlword))
         self._frames = self._pace.frames(given, controlword, self._controlword, self._now)
         if controlword is not None:
             self._controlword = controlword
@@ -270,7 +279,7 @@ class CanPort:
     def begin_again(self) -> None:
         """Discard the frames to send and all values received: the adapter was opened again, and the drive was stopped by SDO."""
         self.drop_frames()
-        self._incoming.forget()
+        self._tpdo_inputs.forget()
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:
         """Return the TPDOs to request by remote frames now, as COB-ID and data length; none while the node cannot answer."""
@@ -297,7 +306,7 @@ class CanPort:
             BootError: an RPDO holds an object that cannot be read.
             SdoTimeout, SdoError, AdapterError: as ``SdoClient.upload``.
         """
-        samples = self._incoming.samples
+        samples = self._tpdo_inputs.samples
         samples.update(prime_inputs(self.node.sdo, self.plan, self.index))
         prime_outputs(self.node.sdo, self.plan, self._images, samples)
 
@@ -316,9 +325,9 @@ class CanPort:
     def _bus_off(self) -> BusError | None:
         """Return why nothing can be sent, at least once for each bus-off, however short it was."""
         channel = self._channel
-        offs, self._offs = self._offs, channel.offs
-        off = channel.off or (channel.last_off if offs != self._offs else None)
-        if offs != self._offs or isinstance(off, BusOff):
+        bus_off_count, self._bus_off_count = self._bus_off_count, channel.bus_off_count
+        off = channel.off or (channel.last_bus_off if bus_off_count != self._bus_off_count else None)
+        if bus_off_count != self._bus_off_count or isinstance(off, BusOff):
             self._returning = True
         elif off is None and self._returning and self.node.nmt.state is not NmtState.UNKNOWN:
             self._returning = False
@@ -359,7 +368,7 @@ class CanPort:
             if image.cob_id in committed and (image.holds_controlword or image.cleared_bits)
         )
 
-    def _held_back(self, controlword: int | None) -> int | None:
+    def _hold_back(self, controlword: int | None) -> int | None:
         """Hold back a controlword that may start a motion until the values written by SDO have arrived.
 
         A halt is never held back. During a halt only the edge of bit 4 waits; without the new target the drive would use its old
@@ -415,7 +424,7 @@ def _stops(request: SdoRequest) -> bool:
     )
 
 
-def _more(outputs: Outputs) -> dict[str, int]:
+def _optional_outputs(outputs: Outputs) -> dict[str, int]:
     """Return the outputs that only some axes have."""
     values = (
         ("velocity_offset", outputs.velocity_offset),
@@ -425,7 +434,7 @@ def _more(outputs: Outputs) -> dict[str, int]:
     return {name: value for name, value in values if value is not None}
 
 
-def _given(outputs: Outputs) -> dict[str, int]:
+def _standard_outputs(outputs: Outputs) -> dict[str, int]:
     values = (
         ("mode", outputs.mode),
         ("target_position", outputs.target_position),

@@ -91,7 +91,7 @@ class Drops:
             so_far = 0 if before is None else before.count
             self._found[fault, node] = Drop(fault, node, so_far + count, stamp, can_id, data[:8])
 
-    def unheard(self, can_id: int, stamp: float, data: bytes) -> None:
+    def unreceived(self, can_id: int, stamp: float, data: bytes) -> None:
         """Count a frame without a receiver if its identifier is that of a TPDO (CiA 301 7.3.5)."""
         if can_id <= cob.ID_MASK_11 and can_id & _FUNCTION in cob.TPDO and can_id & _NODE:
             self.frame(DropReason.UNKNOWN_PDO, can_id, stamp, data)
@@ -112,18 +112,18 @@ class DropNews:
     """
 
     def __init__(self) -> None:
-        self._told: dict[tuple[DropReason, int | None], tuple[int, float]] = {}
+        self._reported: dict[tuple[DropReason, int | None], tuple[int, float]] = {}
 
     def take(self, found: Iterable[Drop], now: float) -> list[Drop]:
         """Return those of ``found`` whose count has grown, with the total count; ``now`` in seconds of any steady clock."""
         new = [drop for drop in found if self._is_due(drop, now)]
         for drop in new:
-            self._told[drop.fault, drop.node] = drop.count, now
+            self._reported[drop.fault, drop.node] = drop.count, now
         return new
 
     def _is_due(self, drop: Drop, now: float) -> bool:
-        count, told = self._told.get((drop.fault, drop.node), (0, -EVERY))
-        return drop.count > count and now - told >= EVERY
+        count, reported_at = self._reported.get((drop.fault, drop.node), (0, -EVERY))
+        return drop.count > count and now - reported_at >= EVERY
 
 
 def words(drops: Iterable[Drop]) -> str:

@@ -56,46 +56,46 @@ class ExpectedMasters:
         return self.nodes | frozenset(self.commands.values())
 
 
-def sign_of(frame: CanFrame, cast: ExpectedMasters) -> tuple[Sign, int | None] | None:
+def sign_of(frame: CanFrame, expected: ExpectedMasters) -> tuple[Sign, int | None] | None:
     """Return the sign that a frame is and its node (None: whole bus); None if a slave may send the frame."""
-    if frame.extended or frame.error or frame.can_id in cast.excused:
+    if frame.extended or frame.error or frame.can_id in expected.excused:
         return None
     function, node = frame.can_id & _FUNCTION, frame.can_id & _NODE
     if frame.remote:  # any consumer may request a PDO
         return (Sign.GUARDING, node) if function == cob.HEARTBEAT and node else None
-    if frame.can_id in cast.commands:
-        return Sign.MODULE, cast.commands[frame.can_id]
+    if frame.can_id in expected.commands:
+        return Sign.MODULE, expected.commands[frame.can_id]
     if frame.can_id == cob.NMT:
         return Sign.NMT, None
-    if frame.can_id in cast.syncs:
+    if frame.can_id in expected.syncs:
         return Sign.SYNC, None
-    if frame.can_id in cast.times:
+    if frame.can_id in expected.times:
         return Sign.TIME, None
-    if frame.can_id in cast.rpdos:
-        return Sign.RPDO, cast.rpdos[frame.can_id]
+    if frame.can_id in expected.rpdos:
+        return Sign.RPDO, expected.rpdos[frame.can_id]
     if frame.can_id == cob.LSS_RX:
         return Sign.LSS, None
     if function == cob.HEARTBEAT:
         alive = bool(frame.data and frame.data[0] & _STATE)
-        return (Sign.HEARTBEAT, node) if alive and node in cast.masters else None
+        return (Sign.HEARTBEAT, node) if alive and node in expected.masters else None
     if function == cob.SDO_RX and node:
         return Sign.SDO, node
-    return (Sign.RPDO, node) if function in cob.RPDO and node in cast.nodes else None
+    return (Sign.RPDO, node) if function in cob.RPDO and node in expected.nodes else None
 
 
-def commanded(frame: CanFrame, cast: ExpectedMasters) -> frozenset[int]:
+def commanded(frame: CanFrame, expected: ExpectedMasters) -> frozenset[int]:
     """Return the cell's nodes that a frame of another master commands; empty if it only requests data or is only a sign.
 
     An SDO request commands its node if it begins a download to the communication profile or the device profile. A download to a
     manufacturer-specific object does not count: vendors' tools write these while the drive runs.
     """
-    sign, node = sign_of(frame, cast) or (None, None)
+    sign, node = sign_of(frame, expected) or (None, None)
     if sign is Sign.NMT:
-        return _of_nmt(frame.data, cast)
+        return _of_nmt(frame.data, expected)
     if sign is Sign.SYNC:
-        return cast.all_nodes if frame.can_id == cast.produced else frozenset()
+        return expected.all_nodes if frame.can_id == expected.produced else frozenset()
     if sign in _COMMANDING or (sign is Sign.SDO and _is_command(frame.data)):
-        return frozenset({node} if node is not None else ()) & cast.all_nodes
+        return frozenset({node} if node is not None else ()) & expected.all_nodes
     return frozenset()
 
 
@@ -104,10 +104,10 @@ _COMMANDING = frozenset({Sign.RPDO, Sign.MODULE})
 _DOWNLOAD, _BLOCK_DOWNLOAD, _BLOCK_STEP = 1, 6, 1
 
 
-def _of_nmt(data: bytes, cast: ExpectedMasters) -> frozenset[int]:
+def _of_nmt(data: bytes, expected: ExpectedMasters) -> frozenset[int]:
     if len(data) != 2:  # command and node; data of another length is not an NMT command
         return frozenset()
-    return cast.all_nodes if data[1] == 0 else frozenset({data[1]}) & cast.all_nodes
+    return expected.all_nodes if data[1] == 0 else frozenset({data[1]}) & expected.all_nodes
 
 
 def _is_command(data: bytes) -> bool:
@@ -142,12 +142,12 @@ class MasterEvidence:
 class MasterDetector:
     """Collects evidence of a master; holds state: the evidence by sign and COB-ID."""
 
-    cast: ExpectedMasters
+    expected: ExpectedMasters
     _heard: dict[tuple[Sign, int], MasterEvidence] = field(default_factory=dict)
 
     def note(self, frame: CanFrame) -> None:
         """Evaluate a frame; call in the order of time."""
-        found = sign_of(frame, self.cast)
+        found = sign_of(frame, self.expected)
         if found is None:
             return
         sign, node = found
@@ -177,10 +177,10 @@ def words(heard: Iterable[MasterEvidence]) -> list[str]:
 
 def _line(sign: Sign, group: list[MasterEvidence]) -> str:
     nodes = sorted({one.node for one in group if one.node is not None})
-    whose = f" {'of' if sign is Sign.HEARTBEAT else 'to'} {nodes_text(nodes)}" if nodes else ""
+    target_nodes = f" {'of' if sign is Sign.HEARTBEAT else 'to'} {nodes_text(nodes)}" if nodes else ""
     period = group[0].period if len(group) == 1 else None
     often = f", every {period * 1000:.1f} ms" if period is not None else ""
-    return f"{sign.value}{whose} ({_identifiers(group)}): {sum(one.count for one in group)}{often}"
+    return f"{sign.value}{target_nodes} ({_identifiers(group)}): {sum(one.count for one in group)}{often}"
 
 
 def nodes_text(nodes: Iterable[int]) -> str:

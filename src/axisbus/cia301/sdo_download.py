@@ -35,12 +35,12 @@ class Download(SdoTransferAttempt):
         subindex: int,
         data: bytes,
         timeout: float,
-        way: SdoTransferType = SdoTransferType.NORMAL,
+        transfer_type: SdoTransferType = SdoTransferType.NORMAL,
     ) -> None:
         """``SdoTransferType.AUTO`` is not supported here: the caller knows the size of the data and chooses the type."""
         super().__init__(index, subindex, timeout)
         self._data = data
-        self._way = way
+        self._transfer_type = transfer_type
         self._position = 0  # bytes that the server has confirmed
         self._sent = 0  # segments of this sub-block, or bytes of this segment
         self._toggle = 0
@@ -53,7 +53,7 @@ class Download(SdoTransferAttempt):
         return min(self._position, len(self._data)), len(self._data)
 
     def _begin(self) -> Frames:
-        return self._ask_block() if self._way is SdoTransferType.BLOCK else self._ask()
+        return self._ask_block() if self._transfer_type is SdoTransferType.BLOCK else self._ask()
 
     # -- the normal transfer (7.2.4.3.3, 7.2.4.3.4) --------------------------------------------------------------------------------
 

@@ -61,7 +61,7 @@ class SdoTransferRequest(NamedTuple):
     data: bytes | None
     timeout: float
     tries: int
-    way: SdoTransferType = SdoTransferType.AUTO
+    transfer_type: SdoTransferType = SdoTransferType.AUTO
     most: int = LONGEST
     usual: int | None = None
 
@@ -209,15 +209,20 @@ class SdoSession:
         index, subindex, data, timeout = self._request[:4]
         if data is None:
             return Upload(
-                index, subindex, timeout, self._way(), most=self._request.most, usual=self._request.usual
+                index,
+                subindex,
+                timeout,
+                self._transfer_type(),
+                most=self._request.most,
+                usual=self._request.usual,
             )
-        return Download(index, subindex, data, timeout, self._way())
+        return Download(index, subindex, data, timeout, self._transfer_type())
 
-    def _way(self) -> SdoTransferType:
+    def _transfer_type(self) -> SdoTransferType:
         """Choose the transfer type; the type in the request has priority over the experience with this server."""
         request = self._request
-        if request.way is not SdoTransferType.AUTO:
-            return request.way
+        if request.transfer_type is not SdoTransferType.AUTO:
+            return request.transfer_type
         last_resort = 0 < self._attempt == request.tries - 1
         if self.no_block or last_resort:
             return SdoTransferType.NORMAL

@@ -39,7 +39,7 @@ class Upload(SdoTransferAttempt):
         index: int,
         subindex: int,
         timeout: float,
-        way: SdoTransferType = SdoTransferType.NORMAL,
+        transfer_type: SdoTransferType = SdoTransferType.NORMAL,
         block_size: int = LARGEST_BLOCK,
         most: int = LONGEST,
         usual: int | None = None,
@@ -51,7 +51,7 @@ class Upload(SdoTransferAttempt):
         """
         super().__init__(index, subindex, timeout)
         self.size: int | None = None  # as announced
-        self._way = way
+        self._transfer_type = transfer_type
         self._buffer = bytearray()
         self._toggle = 0
         self._block_size = block_size
@@ -76,7 +76,7 @@ class Upload(SdoTransferAttempt):
         return (done if self.size is None else min(done, self.size)), self.size
 
     def _begin(self) -> Frames:
-        return self._ask_block() if self._way is SdoTransferType.BLOCK else self._ask()
+        return self._ask_block() if self._transfer_type is SdoTransferType.BLOCK else self._ask()
 
     # -- the normal transfer (7.2.4.3.5, 7.2.4.3.6) --------------------------------------------------------------------------------
 
@@ -99,7 +99,7 @@ class Upload(SdoTransferAttempt):
             self._end()
             return ()
         self._announced(frame, bool(sized))
-        if self._way is SdoTransferType.AUTO and (self.size or 0) >= BLOCK_FROM:
+        if self._transfer_type is SdoTransferType.AUTO and (self.size or 0) >= BLOCK_FROM:
             return (self.abort(codes.GENERAL), *self._ask_block())
         self._on = self._segment
         return (self._request_segment(),)
@@ -125,7 +125,7 @@ class Upload(SdoTransferAttempt):
     # -- the block transfer (7.2.4.3.12 to 7.2.4.3.15) -----------------------------------------------------------------------------
 
     def _ask_block(self) -> Frames:
-        self._way = SdoTransferType.BLOCK
+        self._transfer_type = SdoTransferType.BLOCK
         self._on = self._block_initiated
         return (
             self._request(0xA4, bytes([self._block_size, 0])),
@@ -135,7 +135,7 @@ class Upload(SdoTransferAttempt):
         if not self._is_ours(frame):
             return None
         if frame[0] & 0xE0 == 0x40:  # the server prefers the normal transfer
-            self._way = SdoTransferType.NORMAL
+            self._transfer_type = SdoTransferType.NORMAL
             return self._initiated(frame)
         if frame[0] & 0xE1 != 0xC0 or (frame[0] & 0x02 and self._came < 8):
             return None
@@ -208,7 +208,7 @@ class Upload(SdoTransferAttempt):
     def _without_block(self, code: int) -> Frames:
         """Start a normal transfer: the refused initiation changed nothing, and this shows the server's actual objection."""
         self.block_refused = code
-        self._way = SdoTransferType.NORMAL
+        self._transfer_type = SdoTransferType.NORMAL
         return self._ask()
 
     def _announced(self, frame: bytes, sized: bool) -> None:

@@ -138,8 +138,8 @@ class ProgramSteps(BootUpProgress):
         for attempt in range(1, ATTEMPTS + 1):
             yield from self._make_room(wanted)
             self._at(ProgramStage.TRANSFER, _DATA)
-            way = SdoTransferType.NORMAL if attempt == ATTEMPTS else SdoTransferType.AUTO
-            answer = yield from self._ask(ProgramDownload(*_DATA, data, way, wanted.deadline))
+            transfer_type = SdoTransferType.NORMAL if attempt == ATTEMPTS else SdoTransferType.AUTO
+            answer = yield from self._ask(ProgramDownload(*_DATA, data, transfer_type, wanted.deadline))
             if isinstance(answer, Got):
                 self._state(loaded=len(data))
                 return

@@ -149,7 +149,7 @@ class ProgramDownload:
     index: int
     subindex: int
     data: bytes = field(repr=False)
-    way: SdoTransferType = SdoTransferType.AUTO
+    transfer_type: SdoTransferType = SdoTransferType.AUTO
     deadline: float = DEADLINE
     tries: int = 1  # a part may have been written: only the steps of the plan may repeat it
 

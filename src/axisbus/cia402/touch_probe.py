@@ -62,9 +62,9 @@ def with_byte(word: int, number: int, bits: int) -> int:
 
     Its manufacturer-specific bits and the other probe are unchanged.
     """
-    place = 8 * (number - 1)
+    shift = 8 * (number - 1)
     own = byte_of(word, number) & MAKERS_OWN
-    return word & ~(0xFF << place) & 0xFFFF | (own | bits) << place
+    return word & ~(0xFF << shift) & 0xFFFF | (own | bits) << shift
 
 
 def function_bits(edges: frozenset[Edge], source: ProbeSource, *, continuous: bool) -> int:

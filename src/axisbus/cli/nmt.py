@@ -63,21 +63,21 @@ def command(
     files = asked.files()
     if ALL in who and len(who) > 1:
         raise click.UsageError('"all" excludes node names')
-    everybody = who == (ALL,)
-    ids = [] if everybody else list(dict.fromkeys(files.address(each).node_id for each in who))
+    to_all = who == (ALL,)
+    ids = [] if to_all else list(dict.fromkeys(files.address(each).node_id for each in who))
     order = COMMANDS[wanted]
     with ExitStack() as stack:
         machine = joined(stack, asked, command=True, take=take)
         if machine is not None:
             inside = ids or canopen_nodes(machine.machine.cell)
             return _tell(_in_machine([machine.node(each) for each in inside], order, force), as_json)
-        known = canopen_nodes(files.cell) if everybody and files.cell is not None else ids
+        known = canopen_nodes(files.cell) if to_all and files.cell is not None else ids
         session = NodeSession(stack, asked, files, known)
         nodes = [session.node(node_id) for node_id in known or _everybody(session)]
-        found = nmt_commands.ways(nodes)
+        found = nmt_commands.confirmations(nodes)
         if order is not NmtCommand.START and not force:
             _require_at_rest(nodes)
-        outcomes = nmt_commands.command(session.bus, nodes, order, found, everybody=everybody)
+        outcomes = nmt_commands.command(session.bus, nodes, order, found, to_all=to_all)
         errors = {each.node_id: _errors(session.node(each.node_id)) for each in outcomes if each.disobeyed}
     failed = [each for each in outcomes if not each.ok]
     if as_json:
@@ -158,14 +158,14 @@ def _errors(node: CanopenNode) -> str:
 
 
 def _plain(outcome: NodeReaction) -> dict[str, object]:
-    before, state = outcome.way.before, outcome.state
+    before, state = outcome.confirmation.before, outcome.state
     return {
         "node": outcome.node_id,
         "ok": outcome.ok,
         "before": None if before is None else before.text,
         "state": None if state is None else state.text,
         "silent": outcome.silent,
-        "confirmed_by": outcome.way.by.name.lower() if outcome.ok else None,
+        "confirmed_by": outcome.confirmation.by.name.lower() if outcome.ok else None,
         "seconds": round(outcome.seconds, 3),
     }
 

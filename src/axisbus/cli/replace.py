@@ -268,7 +268,7 @@ def _place(
     return _Place(
         False,
         lambda: find_drives(device, others),
-        lambda order, tell: DriveReplacement(device, order, makes, tell=tell).run(),
+        lambda order, on_step: DriveReplacement(device, order, makes, on_step=on_step).run(),
         lambda: device,
     )
 
@@ -279,16 +279,16 @@ def _carry_out(
     """Do all steps; the note is there until all are done. If nothing was changed, the note is as it was before."""
     begun = set[ReplacementStep]()
 
-    def tell(step: ReplacementStep) -> None:
+    def on_step(step: ReplacementStep) -> None:
         begun.add(step)
         if not quiet:
             say_note(f"node {record.node_id}: {step.value}")
 
     record.begin(made.note)
     try:
-        outcome = place.replace(made.order, tell)
+        outcome = place.replace(made.order, on_step)
         if ReplacementStep.RECORD in made.steps:
-            tell(ReplacementStep.RECORD)
+            on_step(ReplacementStep.RECORD)
             record.renew(nameplate.read_nameplate(place.read(), config))
     except (AxisbusError, KeyboardInterrupt) as error:
         # the step CONFIGURE writes nothing if it is refused (``DriveReplacement.run``)

@@ -19,10 +19,10 @@ from axisbus.cli.shared.options import PATH, Seconds, packed, port_option
 from axisbus.cli.shared.output import force_option, output_option, require_free, write_whole
 from axisbus.cli.shared.plugin_options import SimOption, adding, sim_options
 from axisbus.core.sim_faults_file import load_faults
-from axisbus.core.sim_server import Served
+from axisbus.core.sim_server import ServedDrives
 from axisbus.eds.builtin import PREFIX
 from axisbus.errors import UserError
-from axisbus.sim.node.network import Guest
+from axisbus.sim.node.network import ForeignNode
 from axisbus.sim.socketcand_server import LOOPBACK, Server
 from axisbus.wording import counted
 
@@ -83,25 +83,29 @@ def command(
     config = None if cell is None else checked(cell)
     wanted = {option: others[option.parameter] for option in _OPTIONS if others[option.parameter]}
     _require_enough(config, wanted, wish)
-    guests = {option: option.guests(values) for option, values in wanted.items()}
+    foreign_nodes = {option: option.foreign_nodes(values) for option, values in wanted.items()}
     if config is not None:
         _require_beside(config, wish.output)
-        _require_others(config, guests)
+        _require_others(config, foreign_nodes)
     require_free(wish.output, force=force)
     with ExitStack() as stack:
         for option, values in wanted.items():
             stack.enter_context(option.serve(values))
-        if config is None and not any(guests.values()):
+        if config is None and not any(foreign_nodes.values()):
             _wait(wish.seconds)
             return OK
-        told = [option.text(values) for option, values in wanted.items() if guests[option]]
-        return _serve(config, [guest for some in guests.values() for guest in some], told, wish)
+        told = [option.text(values) for option, values in wanted.items() if foreign_nodes[option]]
+        return _serve(
+            config, [foreign_node for some in foreign_nodes.values() for foreign_node in some], told, wish
+        )
 
 
-def _serve(config: CellConfig | None, guests: Sequence[Guest], told: Sequence[str], wish: _Wish) -> int:
+def _serve(
+    config: CellConfig | None, foreign_nodes: Sequence[ForeignNode], told: Sequence[str], wish: _Wish
+) -> int:
     output = wish.output
     planned = () if wish.faults is None or config is None else load_faults(wish.faults, config)
-    served = Served(config, planned, guests)
+    served = ServedDrives(config, planned, foreign_nodes)
     with served.serve(wish.port, wish.control) as server:
         _tell(config, told, server, wish.control)
         if output is not None and config is not None:
@@ -132,11 +136,11 @@ def _require_enough(config: CellConfig | None, wanted: Mapping[SimOption, Any], 
             raise click.UsageError(f"{option} needs a cell file: also give the cell file")
 
 
-def _require_others(config: CellConfig, guests: Mapping[SimOption, Sequence[Guest]]) -> None:
+def _require_others(config: CellConfig, foreign_nodes: Mapping[SimOption, Sequence[ForeignNode]]) -> None:
     """Refuse a second module with the node ID of a module of the cell, which is served anyway: both would answer."""
     there = other_nodes(config)
-    for option, some in guests.items():
-        for node_id in (guest.node_id for guest in some):
+    for option, some in foreign_nodes.items():
+        for node_id in (foreign_node.node_id for foreign_node in some):
             if node_id in there:
                 raise UserError(
                     f"node {node_id} is a module of {config.file}, and is served with it",

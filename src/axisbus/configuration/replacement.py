@@ -101,14 +101,14 @@ class DriveReplacement:
         makes: Sequence[DrivePlugin] = (),
         *,
         in_operation: bool = False,
-        tell: Tell = lambda _: None,
+        on_step: Tell = lambda _: None,
     ) -> None:
-        """``tell`` is called before each step. ``in_operation``: the core of the running machine calls this."""
+        """``on_step`` is called before each step. ``in_operation``: the core of the running machine calls this."""
         self._node = node
         self._order = order
         self._makes = makes
         self._in_operation = in_operation
-        self._tell = tell
+        self._on_step = on_step
         self._restore: Restore | None = None
         self._written = self._calibration = 0
         self._not_stored = ""
@@ -130,7 +130,7 @@ class DriveReplacement:
         }
         for step in self._order.steps:
             if step in work:
-                self._tell(step)
+                self._on_step(step)
                 work[step]()
         self._require_this_drive()
         values = 0 if self._restore is None else len(self._restore.report().results)

@@ -18,7 +18,7 @@ from axisbus.bus.io_port import CanIoPort
 from axisbus.bus.link import ownership
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.link.controller import ControllerEvent
-from axisbus.bus.link.detect_other_master import require_alone
+from axisbus.bus.link.detect_other_master import require_no_other_master
 from axisbus.bus.node.events import NodeEvent, NodeEvents
 from axisbus.bus.node.master_watch import Echoes, MasterWatch, OnCommand
 from axisbus.bus.node.nmt import send
@@ -38,10 +38,16 @@ from axisbus.cia401.signal import IoPoint
 from axisbus.cia402.port import Port
 from axisbus.clock import VirtualClock
 from axisbus.core.io import make_safe
-from axisbus.core.master_detection import cast_of, listening_time
+from axisbus.core.master_detection import expected_masters_of, listening_time
 from axisbus.core.node_access_parts import NodeParts
-from axisbus.core.other_protocols import AllOtherNodes, accesses_of, guests_of, simulated_guests, stop_drives
-from axisbus.core.process.bus_factory import reach
+from axisbus.core.other_protocols import (
+    AllOtherNodes,
+    accesses_of,
+    foreign_nodes_of,
+    simulated_foreign_nodes,
+    stop_drives,
+)
+from axisbus.core.process.bus_factory import open_bus
 from axisbus.core.realtime_setup import SPIN
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.drives.registry import make_of
@@ -49,7 +55,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import BusError, BusOff, Interrupted, StateError
 from axisbus.link import NodeShutdown, StopResult, Unsafe
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from axisbus.sim.virtual_can import BITRATE, VirtualSyncProducer, VirtualWire
 
 log = logging.getLogger("axisbus")
@@ -67,12 +73,12 @@ class CanLink:
         dictionaries: Mapping[int, Eds],
         on_program: OnProgram | None = None,
         channel: Channel | None = None,
-        stand_ins: Mapping[int, SimulatedNode] | None = None,
+        simulated_nodes: Mapping[int, SimulatedNode] | None = None,
         wire: VirtualWire | None = None,
     ) -> None:
         """Open the bus; if another master is heard on it, nothing is sent.
 
-        ``channel``: an open connection to simulated drives; ``stand_ins`` and ``wire``: as from ``simulated_channel``.
+        ``channel``: an open connection to simulated drives; ``simulated_nodes`` and ``wire``: as from ``simulated_channel``.
         ``on_program`` is called in the thread that boots a node, with its ID and the received and the total bytes of its program.
 
         Raises:
@@ -90,19 +96,21 @@ class CanLink:
         self._cycle: CanCycle | None = None
         self._consumer: SyncConsumer | None = None
         with ExitStack() as stack:
-            self.stand_ins = dict(stand_ins or {})
+            self.simulated_nodes = dict(simulated_nodes or {})
             self.wire = wire
             # Only simulated drives are on it.
             self._private = private = channel is not None or cell.bus.interface == SIMULATED
             if channel is None:
-                _own(cell, stack)
-                channel, self.stand_ins = open_channel(cell, dictionaries, stack)
+                _claim_channel(cell, stack)
+                channel, self.simulated_nodes = open_channel(cell, dictionaries, stack)
             else:
                 stack.enter_context(channel)
             self._channel = channel
             self.clock = channel.clock
             if not private and not cell.bus.beside:
-                require_alone(self._channel, cast_of(cell, dictionaries), listening_time(cell.bus))
+                require_no_other_master(
+                    self._channel, expected_masters_of(cell, dictionaries), listening_time(cell.bus)
+                )
             self._watch = MasterWatch(self._channel, stops=not cell.bus.beside)
             stack.callback(self._watch.close)
             self._echoes = Echoes(self._channel)
@@ -121,7 +129,7 @@ class CanLink:
         self,
         node_id: int,
         before: Mapping[Address, int] | None = None,
-        tell: Callable[[str], None] = lambda _: None,
+        on_step: Callable[[str], None] = lambda _: None,
     ) -> Booted:
         """As ``CellConnection.boot``."""
         if node_id in self._others:
@@ -144,7 +152,7 @@ class CanLink:
             late=late,
             again=events is not None,
             before=before,
-            tell=tell,
+            on_step=on_step,
         ).run()
         self._booted[node_id] = booted
         if not late:
@@ -254,8 +262,10 @@ class CanLink:
             self._channel.reopen()
         if listen and not self._private and not self._cell.bus.beside:
             try:
-                require_alone(
-                    self._channel, cast_of(self._cell, self._dictionaries), listening_time(self._cell.bus)
+                require_no_other_master(
+                    self._channel,
+                    expected_masters_of(self._cell, self._dictionaries),
+                    listening_time(self._cell.bus),
                 )
             except BusError as error:
                 self._channel.fail(error)
@@ -271,7 +281,7 @@ class CanLink:
         """As ``CellConnection.leave``."""
         in_parallel(  # a module needs no release: it does not monitor the master
             self.clock,
-            lambda node_id: _let_go(self._nodes[node_id], self._booted[node_id], how[node_id]),
+            lambda node_id: _leave_node(self._nodes[node_id], self._booted[node_id], how[node_id]),
             self._booted,
         )
 
@@ -307,17 +317,17 @@ class CanLink:
         """As ``CellConnection.carried``."""
         return self._channel.carried
 
-    def tap(self, ear: Callable[[CanFrame], None]) -> None:
+    def tap(self, handler: Callable[[CanFrame], None]) -> None:
         """As ``CellConnection.tap``."""
-        self._channel.tap(ear)
+        self._channel.tap(handler)
 
-    def untap(self, ear: Callable[[CanFrame], None]) -> None:
+    def untap(self, handler: Callable[[CanFrame], None]) -> None:
         """As ``CellConnection.untap``."""
-        self._channel.untap(ear)
+        self._channel.untap(handler)
 
     def _watch_masters(self) -> None:
         """Listen for another master from now on, including the COB-IDs of the nodes that have come up."""
-        if self._echoes.there:
+        if self._echoes.detected:
             log.warning(
                 "%s returns the frames of this program as if another node had sent them: another master on the bus cannot "
                 "be detected",
@@ -328,7 +338,7 @@ class CanLink:
         rpdos = {
             pdo.target.cob_id: port.node.node_id for port in ports for pdo in port.plan.active if pdo.receive
         }
-        self._watch.begin(cast_of(self._cell, self._dictionaries, rpdos))
+        self._watch.begin(expected_masters_of(self._cell, self._dictionaries, rpdos))
 
     def _axis_ports(self) -> list[CanPort]:
         driven = [axis for axis in self._cell.driven.values() if axis.node not in self._others]
@@ -356,7 +366,7 @@ def _wake(node: CanopenNode) -> None:
             send(node.channel, NmtCommand.ENTER_PRE_OPERATIONAL, node.node_id)
 
 
-def _own(cell: CellConfig, stack: ExitStack) -> None:
+def _claim_channel(cell: CellConfig, stack: ExitStack) -> None:
     """Claim the channel for this program, unless the parent process has done it; programs cannot join through this lock."""
     bus, simulated = cell.bus, cell.bus.interface == SIMULATED
     lock = ownership.hold(bus.interface, bus.channel, cell.file, beside=bus.beside, simulated=simulated)
@@ -385,15 +395,17 @@ def open_channel(
     """
     bus = cell.bus
     if bus.interface != SIMULATED:
-        return stack.enter_context(reach(cell)), {}
+        return stack.enter_context(open_bus(cell)), {}
     name = f"axisbus-sim-{os.getpid()}-{next(_CHANNELS)}"
-    made, others = devices(cell, dictionaries), simulated_guests(cell)
-    network = stack.enter_context(StandIns(name, list(made.values()), guests=guests_of(others)))
-    stand_ins = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
-    stand_ins |= accesses_of(others, network.lock)
+    made, others = devices(cell, dictionaries), simulated_foreign_nodes(cell)
+    network = stack.enter_context(
+        SimulatedNetwork(name, list(made.values()), foreign_nodes=foreign_nodes_of(others))
+    )
+    simulated_nodes = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
+    simulated_nodes |= accesses_of(others, network.lock)
     channel = stack.enter_context(Channel.open("virtual", name))
     channel.behind = network.behind
-    return channel, stand_ins
+    return channel, simulated_nodes
 
 
 def simulated_channel(
@@ -410,18 +422,20 @@ def simulated_channel(
     Raises:
         ConfigError: the options of the simulation are wrong.
     """
-    made, others = devices(cell, dictionaries) | dict(given or {}), simulated_guests(cell)
-    wire = VirtualWire(clock, list(made.values()), guests_of(others), bitrate=cell.bus.bitrate or BITRATE)
+    made, others = devices(cell, dictionaries) | dict(given or {}), simulated_foreign_nodes(cell)
+    wire = VirtualWire(
+        clock, list(made.values()), foreign_nodes_of(others), bitrate=cell.bus.bitrate or BITRATE
+    )
     bus = cell.bus
     if bus.hears_sync and not wire.has_sync_producer:
         VirtualSyncProducer(wire, clock, bus.sync_cob_id, bus.scan_period, bus.sync_counter)
-    stand_ins = {node_id: SimulatedNode(device, nullcontext()) for node_id, device in made.items()}
-    stand_ins |= accesses_of(others, nullcontext())
+    simulated_nodes = {node_id: SimulatedNode(device, nullcontext()) for node_id, device in made.items()}
+    simulated_nodes |= accesses_of(others, nullcontext())
     channel = Channel(wire.connect(), "virtual time", clock=clock, opener=lambda: (wire.connect(), None))
-    return channel, stand_ins, wire
+    return channel, simulated_nodes, wire
 
 
-def _let_go(node: CanopenNode, booted: Booted, how: NodeShutdown) -> None:
+def _leave_node(node: CanopenNode, booted: Booted, how: NodeShutdown) -> None:
     """Leave a node before our heartbeat ends: without a fault, or with its monitoring armed to stop an axis that may still move."""
     if how is NodeShutdown.ARMED:
         return

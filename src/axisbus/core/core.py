@@ -75,7 +75,7 @@ _OUTPUTS_TIME = 0.5  # seconds until outputs have been sent as safe; a few cycle
 
 
 Joined = Callable[[Booted], None]
-TellStep = Callable[[str], None]
+OnStep = Callable[[str], None]
 
 
 def _nothing() -> None:
@@ -102,7 +102,7 @@ class CoreInterface(Protocol):
         """The parts for direct access to each node."""
 
     @property
-    def stand_ins(self) -> Mapping[int, SimulatedNode]:
+    def simulated_nodes(self) -> Mapping[int, SimulatedNode]:
         """The simulated drives, if there are any and they can be reached."""
 
     @property
@@ -114,11 +114,11 @@ class CoreInterface(Protocol):
         """The clock of its cycles and of what waits for them."""
 
     @property
-    def apart(self) -> bool:
+    def outlives_program(self) -> bool:
         """Whether it continues when this process ends."""
 
     @property
-    def degree(self) -> str:
+    def real_time_status(self) -> str:
         """The real-time status, as text."""
 
     @property
@@ -142,19 +142,19 @@ class CoreInterface(Protocol):
     def await_values(self) -> None:
         """Block until every axis has its first values since the scan began, or the scan has ended, at most a second."""
 
-    def boot_node(self, node_id: int, tell: TellStep = _ignore) -> Booted:
+    def boot_node(self, node_id: int, on_step: OnStep = _ignore) -> Booted:
         """Boot one node while the scan runs; blocks. Raises StateError, BootError.
 
-        ``tell`` is called in this thread with the name of each step as it begins.
+        ``on_step`` is called in this thread with the name of each step as it begins.
         """
 
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """Return the drives that may replace that of a node; blocks. Raises StateError, LssError."""
 
-    def replace_drive(self, order: ReplacementOrder, tell: Tell = _ignore) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, on_step: Tell = _ignore) -> ReplacementOutcome:
         """Configure and boot the new drive of a node while the scan runs; blocks. Raises StateError, BootError and others.
 
-        ``tell`` is called in this thread as each step begins.
+        ``on_step`` is called in this thread as each step begins.
         """
 
     def write_program(
@@ -208,9 +208,9 @@ class Rescue:
             return self._stopped
 
 
-def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
-    """Return the groups of the cell, each with those of its axes that are in ``there``."""
-    present = set(there)
+def members(cell: CellConfig, present_axes: Iterable[str]) -> dict[str, list[str]]:
+    """Return the groups of the cell, each with those of its axes that are in ``present_axes``."""
+    present = set(present_axes)
     found = {name: [axis for axis in group.axes if axis in present] for name, group in cell.groups.items()}
     return {name: axes for name, axes in found.items() if axes}
 
@@ -218,7 +218,7 @@ def members(cell: CellConfig, there: Iterable[str]) -> dict[str, list[str]]:
 class Core:
     """Holds the runtime of a machine, the scan over it, and the scan's thread; ``session`` is a program's connection to it."""
 
-    joined = apart = False
+    joined = outlives_program = False
     commanded_by = ""
 
     def __init__(self, cell: CellConfig, runtime: Runtime) -> None:
@@ -234,10 +234,10 @@ class Core:
         self.on_adapter_loss: Callable[[AdapterLoss], None] | None = None
         self.on_axes_stopped: Callable[[], None] = _nothing  # by ``leave``, as far as possible
         self._after_cycle: Callable[[], None] = _nothing
-        board = IoScan()
+        io_scan = IoScan()
         for node_id in runtime.nodes:
-            self._take_io(board, node_id)
-        virtual = virtual_axes(cell, board)
+            self._take_io(io_scan, node_id)
+        virtual = virtual_axes(cell, io_scan)
         ports = as_csp_capable(runtime.ports)
         cores = {
             name: AxisCore(parameters, ports[name].capabilities)
@@ -252,16 +252,16 @@ class Core:
             members(cell, cores),
             LostNode(cell.bus.on_lost_node),
             {name: GroupFault(group.on_fault) for name, group in cell.groups.items()},
-            board,
+            io_scan,
             gantries_of(cell),
         )
         clock = runtime.link.clock
-        self._pickup = LateBoot(clock, runtime.absent, self._boot_absent, self._returning())
-        self._pump: VirtualWaiter | None = None
+        self._late_boot = LateBoot(clock, runtime.absent, self._boot_absent, self._returning_nodes())
+        self._virtual_waiter: VirtualWaiter | None = None
         if isinstance(clock, VirtualClock):
-            self._pump = VirtualWaiter(self.scan, clock, lambda: self._after_cycle())
-        self._threads = ThreadWaiter()
-        self._waiter: Waiter = self._threads if self._pump is None else self._pump
+            self._virtual_waiter = VirtualWaiter(self.scan, clock, lambda: self._after_cycle())
+        self._thread_waiter = ThreadWaiter()
+        self._waiter: Waiter = self._thread_waiter if self._virtual_waiter is None else self._virtual_waiter
         self._thread: ScanThread | None = None
         self._rescue = Rescue(clock, self._stop_without_scan)
         self.session = InProcess(self.scan, self._waiter, runtime)
@@ -272,7 +272,7 @@ class Core:
     @property
     def realtime(self) -> bool:
         """Whether it runs in threads of its own, in real time."""
-        return self._pump is None
+        return self._virtual_waiter is None
 
     @property
     def clock(self) -> Clock:
@@ -282,10 +282,10 @@ class Core:
     @property
     def in_cycle(self) -> Callable[[], bool] | None:
         """In virtual time: a function that returns whether the caller is within a cycle."""
-        return None if self._pump is None else self._pump.is_pumping
+        return None if self._virtual_waiter is None else self._virtual_waiter.is_in_cycle
 
     @property
-    def degree(self) -> str:
+    def real_time_status(self) -> str:
         """The real-time status, as text."""
         return IN_A_THREAD if self.realtime else "in virtual time"
 
@@ -300,9 +300,9 @@ class Core:
         return self.runtime.nodes
 
     @property
-    def stand_ins(self) -> Mapping[int, SimulatedNode]:
+    def simulated_nodes(self) -> Mapping[int, SimulatedNode]:
         """The simulated drives, if there are any here."""
-        return self.runtime.stand_ins
+        return self.runtime.simulated_nodes
 
     def begin(self, joined: Joined, after_cycle: Callable[[], None] = _nothing) -> None:
         """Start the scan.
@@ -310,12 +310,12 @@ class Core:
         ``joined`` is called for optional nodes that have come up late, ``after_cycle`` between cycles in virtual time.
         """
         self._joined, self._after_cycle = joined, after_cycle
-        if self._pump is not None:
-            self._pump.begin()
-            self._pickup.start()
+        if self._virtual_waiter is not None:
+            self._virtual_waiter.begin()
+            self._late_boot.start()
             return
         self._start_thread()
-        self._pickup.start()
+        self._late_boot.start()
 
     def await_values(self) -> None:
         """Block until every axis has its first values since the scan began, or the scan has ended, at most a second."""
@@ -338,11 +338,11 @@ class Core:
             self._stop_axes(reason)
         finally:
             self.on_axes_stopped()
-            self._pickup.stop()
+            self._late_boot.stop()
             self._waiter.wait(lambda: not self._booting, LEAVE_TIME)
             unsafe = unconfirmed(self.scan.io)
             try:
-                rescued, unsafe = self._make_sure()
+                rescued, unsafe = self._end_and_confirm()
             finally:
                 self.runtime.leave(self.scan.axes, rescued, unsafe)
         if self.scan.failure is not None:
@@ -352,15 +352,15 @@ class Core:
     def disown(self) -> None:
         """Make this object unusable in a forked child, which must neither command nor close its parent's machine."""
         self.scan.disown()
-        self._threads.disown()
+        self._thread_waiter.disown()
 
     def _have_values(self, names: Iterable[str]) -> bool:
         scan = self.scan
-        heard = [self._is_heard(name) for name in names]
+        heard = [self._has_first_values(name) for name in names]
         known = [reading.known is not SignalValidity.NOT_YET for reading in scan.io.readings.values()]
         return scan.ended or (all(heard) and all(known) and bool(known or not scan.io))
 
-    def _is_heard(self, name: str) -> bool:
+    def _has_first_values(self, name: str) -> bool:
         """Whether the axis has its statusword, and its position, which some drives send in another TPDO and later."""
         seen = self.scan.snapshots.get(name)
         if seen is None or seen.statusword is None:
@@ -381,11 +381,11 @@ class Core:
                 interruption = error
         if scan.io and not scan.has_stopped:  # otherwise the scan would overwrite the safe states
             scan.give_up()
-            self._waiter.wait(lambda: scan.ended or scan.io.left, _OUTPUTS_TIME)
+            self._waiter.wait(lambda: scan.ended or scan.io.outputs_left, _OUTPUTS_TIME)
         if interruption is not None:
             raise interruption
 
-    def _make_sure(self) -> tuple[list[StopResult], list[Unsafe]]:
+    def _end_and_confirm(self) -> tuple[list[StopResult], list[Unsafe]]:
         """End the scan, and confirm that outputs are safe, after the axes. If the scan has failed, stop the axes without it first.
 
         While the scan runs, outputs are read before it ends, so that our heartbeat continues: a module that does not answer must
@@ -410,14 +410,14 @@ class Core:
     def _stop_without_scan(self) -> list[StopResult]:
         lost = self.on_adapter_loss if isinstance(self.scan.failure, AdapterError) else None
         if lost is not None:
-            self._open_for_rescue()
+            self._reopen_for_rescue()
         cores = self.scan.axes.values()
         stopped = self.runtime.link.rescue([core.parameters.name for core in cores if _needs_rescue(core)])
         if lost is not None:
             lost(AdapterLoss.STOPPED)
         return stopped
 
-    def _open_for_rescue(self) -> None:
+    def _reopen_for_rescue(self) -> None:
         """Try for a second to open the adapter again, as a watchdog process does for a dead core, to stop the drives."""
         until = self.clock.now() + _REOPEN_TIME
         while self.clock.now() < until:
@@ -435,10 +435,10 @@ class Core:
         self.scan.quit()
         if self._thread is not None:
             self._thread.stop()
-        elif self._pump is not None and not self.scan.ended:
+        elif self._virtual_waiter is not None and not self.scan.ended:
             self.scan.end()
 
-    def boot_node(self, node_id: int, tell: TellStep = _ignore) -> Booted:
+    def boot_node(self, node_id: int, on_step: OnStep = _ignore) -> Booted:
         """Boot one node while the scan runs: one that was lost, has restarted, or is only to be configured again.
 
         The other axes continue. The node's axes begin again, in ErrorStop until they are reset; nothing is enabled. Blocks for the
@@ -448,8 +448,8 @@ class Core:
             StateError: an axis of the node is enabled or commanded, two devices have its node-ID, or the machine is being closed.
             BootError: the boot-up has failed; its axes remain in ErrorStop, and the node may be booted again.
         """
-        with self._booting_of(node_id):
-            return self._boot_again(node_id, tell=tell)
+        with self._claim_canopen_node(node_id):
+            return self._boot_again(node_id, on_step=on_step)
 
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """Return the drives that may replace that of a node; blocks for up to about 12 s, raises as ``find_drives``."""
@@ -457,10 +457,10 @@ class Core:
         known = (*self.cell.nodes, self.cell.bus.master_id)
         return find_drives(self.runtime.nodes[node_id].node, known, in_operation=True)
 
-    def replace_drive(self, order: ReplacementOrder, tell: Tell = _ignore) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, on_step: Tell = _ignore) -> ReplacementOutcome:
         """Configure the new drive of a node as ordered, and boot it while the scan runs, as ``boot_node`` does.
 
-        ``tell`` is called in this thread as each step begins.
+        ``on_step`` is called in this thread as each step begins.
 
         Raises:
             StateError: as ``boot_node``; or the node was neither lost nor replaced.
@@ -472,10 +472,10 @@ class Core:
             # Now, because a later boot-up may see the same identity: not every drive has a serial number.
             self._forget_positions(node_id)
             node, makes = self.runtime.nodes[node_id].node, self.cell.nodes[node_id].makes
-            outcomes.append(DriveReplacement(node, order, makes, in_operation=True, tell=tell).run())
-            tell(ReplacementStep.BOOT)
+            outcomes.append(DriveReplacement(node, order, makes, in_operation=True, on_step=on_step).run())
+            on_step(ReplacementStep.BOOT)
 
-        with self._booting_of(node_id):
+        with self._claim_canopen_node(node_id):
             if not order.swapped and self.runtime.is_operational(node_id):
                 raise not_booted(
                     node_id,
@@ -497,7 +497,7 @@ class Core:
 
     def _rejoin(self, node_id: int) -> Booted:
         """Boot a node that has returned, as ``boot_node``, but no other device than the one that was booted last."""
-        with self._booting_of(node_id):
+        with self._claim_canopen_node(node_id):
             return self._boot_again(node_id, identity_of(self.runtime.booted[node_id]))
 
     def _boot_again(
@@ -505,26 +505,26 @@ class Core:
         node_id: int,
         before: Mapping[Address, int] | None = None,
         prepare: Callable[[], None] = _nothing,
-        tell: TellStep = _ignore,
+        on_step: OnStep = _ignore,
     ) -> Booted:
         """Take the axes of a node out of the scan, ``prepare`` the node, boot it, and let its axes begin again.
 
-        ``before`` and ``tell``: as for ``CellConnection.boot``.
+        ``before`` and ``on_step``: as for ``CellConnection.boot``.
         """
-        names = self._await_rest(node_id)
+        names = self._await_stopped(node_id)
         self._in_scan(lambda: self.scan.take_out(names, being_booted(node_id)))
         try:
             prepare()
-            booted, ports = self.runtime.boot_late(node_id, before, tell)
+            booted, ports = self.runtime.boot_late(node_id, before, on_step)
         except BaseException as error:  # such as Ctrl-C in this thread
             why = error if isinstance(error, AxisbusError) else boot_interrupted(node_id)
-            self._leave_out(names, why)
+            self._show_boot_error(names, why)
             raise
         if booted.report.error is not None:
             self.runtime.booted[node_id].watch = booted.watch  # closing undoes what is armed now
-            self._leave_out(names, booted.report.error)
+            self._show_boot_error(names, booted.report.error)
             raise booted.report.error
-        self._join(node_id, booted, ports)
+        self._add_booted_node(node_id, booted, ports)
         return booted
 
     def write_program(
@@ -541,10 +541,10 @@ class Core:
                 CANopen, or the machine is being closed; nothing was sent.
             NodeError, SdoTimeout, AdapterError: as ``boot.program_write.write_program``.
         """
-        with self._booting_of(node_id, not_written):
+        with self._claim_canopen_node(node_id, not_written):
             parts = self.runtime.nodes[node_id]
             require_writable(read_programs(node_id, parts.objects))
-            names = self._await_rest(node_id)
+            names = self._await_stopped(node_id)
             try:
                 self._in_scan(lambda: self.scan.take_out(names, being_written(node_id)))
             except StateError as error:
@@ -556,7 +556,7 @@ class Core:
                 written = write_program(parts.node, order, progress)
                 end = program_was_written(node_id)
             finally:
-                self._await_boot(names, end)
+                self._require_boot(names, end)
         return written
 
     def reconnect(self) -> list[StopResult]:
@@ -582,7 +582,7 @@ class Core:
                 self.runtime.link.reconnect()
                 return []
             touched = [name for name, core in scan.axes.items() if _needs_rescue(core)]
-            self._pickup.stop()
+            self._late_boot.stop()
             if self._thread is not None:
                 self._thread.stop()
             self.runtime.link.reconnect()
@@ -590,11 +590,11 @@ class Core:
             scan.cycle.resume()
             scan.revive({name: partial(self._renew_after_loss, name) for name in scan.axes})
             self._rescue = Rescue(self.clock, self._stop_without_scan)
-            if self._pump is None:
+            if self._virtual_waiter is None:
                 if self.on_adapter_loss is not None:
                     self.on_adapter_loss(AdapterLoss.OVER)
                 self._start_thread()
-            self._pickup.restart()
+            self._late_boot.restart()
             self._await_first_cycle()
             return stopped
 
@@ -637,7 +637,7 @@ class Core:
 
     def _start_thread(self) -> None:
         self.scan.on_failure = self._scan_failed
-        self._thread = ScanThread(self.scan, self._threads, self.cell.bus.sync_timeout)
+        self._thread = ScanThread(self.scan, self._thread_waiter, self.cell.bus.sync_timeout)
         self._thread.start()
 
     def _require_objects(
@@ -647,7 +647,7 @@ class Core:
             raise refuse(node_id, "it uses CAN Simple, which has no boot-up", "reset its axis: axis.reset()")
 
     @contextmanager
-    def _booting_of(
+    def _claim_canopen_node(
         self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted
     ) -> Iterator[None]:
         """Claim a CANopen node for one boot-up or one write of its program; closing waits a short time for its end."""
@@ -659,7 +659,7 @@ class Core:
     def _claim(
         self, node_id: int, refuse: Callable[[int, str, str], StateError] = not_booted
     ) -> Iterator[None]:
-        """Claim any node, as ``_booting_of``."""
+        """Claim any node, as ``_claim_canopen_node``."""
         with self._lock:
             if node_id in self._booting:
                 raise refuse(
@@ -687,10 +687,10 @@ class Core:
             if booted.report.absent:  # it has fallen silent again
                 return False
             with suppress(StateError, ScanError):  # the machine is being closed
-                self._join(node_id, booted, ports)
+                self._add_booted_node(node_id, booted, ports)
         return True
 
-    def _returning(self) -> list[ReturningNode]:
+    def _returning_nodes(self) -> list[ReturningNode]:
         """Return the nodes that are booted automatically when they have returned."""
         return [
             ReturningNode(node_id, partial(self._has_returned, node_id), partial(self._rejoin, node_id))
@@ -703,7 +703,7 @@ class Core:
         was_booted = node_id not in self._booting and self.runtime.booted[node_id].report.ok
         return was_booted and self.runtime.has_returned(node_id)
 
-    def _await_rest(self, node_id: int) -> list[str]:
+    def _await_stopped(self, node_id: int) -> list[str]:
         """Return the axes of a node when none of them is being stopped any more, or the time for a stop has passed."""
         axes = {
             axis.name: self.scan.axes[axis.name]
@@ -736,7 +736,7 @@ class Core:
         if not done:
             raise ended("booting a node", scan.failure)
 
-    def _await_boot(self, names: Sequence[str], error: AxisbusError) -> None:
+    def _require_boot(self, names: Sequence[str], error: AxisbusError) -> None:
         """Let the axes of a node show ``error``, and refuse a reset until the node was booted."""
 
         def show() -> None:
@@ -746,7 +746,7 @@ class Core:
         with suppress(StateError, ScanError):  # the machine is being closed
             self._in_scan(show)
 
-    def _leave_out(self, names: Sequence[str], error: AxisbusError) -> None:
+    def _show_boot_error(self, names: Sequence[str], error: AxisbusError) -> None:
         """Let the axes of a node that did not boot show why."""
 
         def show() -> None:
@@ -756,7 +756,7 @@ class Core:
         with suppress(StateError, ScanError):  # the machine is being closed
             self._in_scan(show)
 
-    def _join(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
+    def _add_booted_node(self, node_id: int, booted: Booted, ports: Mapping[str, Port]) -> None:
         """Add a node that has booted while the scan runs, or let its axes begin again. Blocks for some cycles."""
         before = self.runtime.booted[node_id]
         self.runtime.booted[node_id] = booted
@@ -764,11 +764,11 @@ class Core:
         if not booted.report.ok:
             return
         ports = as_csp_capable(ports)
-        self._in_scan(lambda: self._enter(node_id, booted, ports, same_device(before, booted)))
+        self._in_scan(lambda: self._add_to_scan(node_id, booted, ports, same_device(before, booted)))
         self._await(booted.parameters, _JOIN_TIME)
         self._joined(booted)
 
-    def _enter(self, node_id: int, booted: Booted, ports: Mapping[str, Port], same: bool) -> None:
+    def _add_to_scan(self, node_id: int, booted: Booted, ports: Mapping[str, Port], same: bool) -> None:
         scan, names = self.scan, list(self.scan.axes)
         if scan.leaving_because is not None:  # it would come after the stop
             raise refused_while_leaving("booting a node", scan.leaving_because)
@@ -784,8 +784,8 @@ class Core:
             core = AxisCore(parameters, ports[name].capabilities)
             scan.add_axis(name, ports[name], core, members(self.cell, names))
 
-    def _take_io(self, board: IoScan, node_id: int) -> None:
-        add_io(board, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
+    def _take_io(self, io_scan: IoScan, node_id: int) -> None:
+        add_io(io_scan, self.cell, self.runtime.link, node_id, self.runtime.nodes[node_id].eds)
 
     def _watch_node(self, node_id: int) -> None:
         """Stop the cell on the loss of a node without axes, unless its table says that the loss is only reported."""
@@ -795,7 +795,7 @@ class Core:
             return
         if stops and not any(self.cell.axes_of(node_id)):
             self._watched.add(node_id)
-            events.hear(self._node_event)
+            events.subscribe(self._node_event)
 
     def _commanded_by_others(self, error: SecondMasterError, nodes: frozenset[int]) -> None:
         self.scan.intrude(error, [axis.name for axis in self.cell.driven.values() if axis.node in nodes])

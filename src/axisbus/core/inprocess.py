@@ -25,9 +25,9 @@ from axisbus.session import (
     ClientProgram,
     CommandEvent,
     CommandSeen,
-    HearFrames,
     LatenessReport,
     Observer,
+    OnFrames,
     Target,
 )
 
@@ -46,8 +46,8 @@ class InProcess:
         self._runtime = runtime
         self._waiter = waiter
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
-        self._taps: dict[HearFrames, Callable[[CanFrame], None]] = {}
-        self._ledger = CommandLog(lambda: scan.cycle.now())
+        self._taps: dict[OnFrames, Callable[[CanFrame], None]] = {}
+        self._command_log = CommandLog(lambda: scan.cycle.now())
 
     @property
     def axes(self) -> Mapping[str, AxisFacts]:
@@ -109,7 +109,7 @@ class InProcess:
     @property
     def commands(self) -> list[CommandSeen]:
         """As ``MachineSession.commands``."""
-        return self._ledger.seen
+        return self._command_log.seen
 
     @property
     def drops(self) -> tuple[Drop, ...]:
@@ -137,12 +137,12 @@ class InProcess:
         return ()
 
     @property
-    def has_command(self) -> bool:
-        """As ``MachineSession.has_command``."""
+    def has_control(self) -> bool:
+        """As ``MachineSession.has_control``."""
         return True
 
-    def take_command(self) -> None:
-        """As ``MachineSession.take_command``."""
+    def take_control(self) -> None:
+        """As ``MachineSession.take_control``."""
 
     @property
     def lateness(self) -> LatenessReport:
@@ -157,15 +157,15 @@ class InProcess:
     def submit(self, number: int, target: Target, command: AnyCommand, name: str) -> int:
         """As ``AxisSession.submit``."""
         if not isinstance(command, PARTS):
-            self._ledger.give(number, name)  # before it may end
-        kept = self._scan.submit(target, command, CommandStatus(name, self._tell, number)).number
-        if kept != number:
-            self._ledger.retract(number)
-        return kept
+            self._command_log.add(number, name)  # before it may end
+        queued_number = self._scan.submit(target, command, CommandStatus(name, self._report, number)).number
+        if queued_number != number:
+            self._command_log.retract(number)
+        return queued_number
 
-    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
+    def listen(self, callback: Callable[[CommandEvent], None]) -> None:
         """As ``AxisSession.listen``."""
-        self._listeners = (*self._listeners, hear)
+        self._listeners = (*self._listeners, callback)
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """As ``AxisSession.add_group``."""
@@ -191,34 +191,34 @@ class InProcess:
         """As ``AxisSession.forget``."""
         self._scan.observers.remove(observer)
 
-    def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
+    def tap(self, callback: OnFrames, can_ids: Collection[int] = ()) -> None:
         """As ``MachineSession.tap``; in the thread that has the frame."""
         wanted = frozenset(can_ids)
 
-        def ear(frame: CanFrame) -> None:
+        def handler(frame: CanFrame) -> None:
             if not wanted or frame.can_id in wanted:
-                hear((frame,))
+                callback((frame,))
 
-        self._taps[hear] = ear
-        self._runtime.link.tap(ear)
+        self._taps[callback] = handler
+        self._runtime.link.tap(handler)
 
-    def untap(self, hear: HearFrames) -> None:
+    def untap(self, callback: OnFrames) -> None:
         """As ``MachineSession.untap``."""
-        ear = self._taps.pop(hear, None)
-        if ear is not None:
-            self._runtime.link.untap(ear)
+        handler = self._taps.pop(callback, None)
+        if handler is not None:
+            self._runtime.link.untap(handler)
 
-    def _tell(self, ticket: CommandStatus) -> None:
+    def _report(self, ticket: CommandStatus) -> None:
         event = CommandEvent(ticket.number, ticket.status, ticket.error, ticket.note, ticket.capture)
-        self._ledger.hear(event)
-        for hear in self._listeners:
-            hear(event)
+        self._command_log.note(event)
+        for callback in self._listeners:
+            callback(event)
 
 
 # -- The last commands of a core, from any program, with their results -------------------------------------------------
 
 
-_KEPT = 256
+_HISTORY = 256
 
 
 class CommandLog:
@@ -234,18 +234,18 @@ class CommandLog:
         """All stored commands, oldest first."""
         return list(self._seen.values())
 
-    def give(self, number: int, name: str) -> None:
+    def add(self, number: int, name: str) -> None:
         """Store a command before it is submitted; if there are too many, remove the oldest."""
         self._seen[number] = CommandSeen(self._clock(), name, Status.BUSY)
-        if len(self._seen) > _KEPT:
-            for oldest in list(self._seen)[:-_KEPT]:
+        if len(self._seen) > _HISTORY:
+            for oldest in list(self._seen)[:-_HISTORY]:
                 self._seen.pop(oldest, None)
 
     def retract(self, number: int) -> None:
         """Remove a command that was not submitted, because the same one is already queued."""
         self._seen.pop(number, None)
 
-    def hear(self, event: CommandEvent) -> None:
+    def note(self, event: CommandEvent) -> None:
         """Store a change of a command's status."""
         seen = self._seen.get(event.number)
         if seen is not None:

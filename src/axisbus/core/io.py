@@ -31,7 +31,7 @@ class IoScan:
     def __init__(self) -> None:
         self.readings: dict[str, IoReading] = {}
         self._nodes: tuple[tuple[IoPort, NodeIo], ...] = ()
-        self._of: dict[str, NodeIo] = {}
+        self._node_of: dict[str, NodeIo] = {}
         self._leaving = False
         self.changed = False  # whether a command has ended in this cycle
         self.note: Callable[[Mapping[str, IoReading]], None] = lambda _: None  # called before sending
@@ -44,13 +44,13 @@ class IoScan:
         for _, earlier in self._nodes:
             if earlier.node_id == node.node_id:
                 node.replace(earlier)
-        self._of = {**self._of, **dict.fromkeys(node.points, node)}
+        self._node_of = {**self._node_of, **dict.fromkeys(node.points, node)}
         others = (each for each in self._nodes if each[1].node_id != node.node_id)
         self._nodes = (*others, (port, node))
 
     def width_of(self, name: str) -> int:
         """Return the number of bits of a present point."""
-        return self._of[name].points[name].width
+        return self._node_of[name].points[name].width
 
     def source_of(self, name: str) -> ValueTransport:
         """Return how an input is transported; for an absent one, as a PDO on change."""
@@ -62,19 +62,19 @@ class IoScan:
     def accept(self, command: SetOutputs, ticket: CommandStatus) -> None:
         """Set outputs, all or none; the ticket ends when all act (``NodeIo``), or at once if one cannot be set."""
         if self._leaving:  # it was queued while the axes were stopped
-            ticket.finish(Status.ERROR, _too_late(ticket.name))
+            ticket.finish(Status.ERROR, _closing_error(ticket.name))
             return
         values = dict(command.values)
         by_node: dict[NodeIo, dict[str, int]] = {}
         for name, raw in values.items():
-            node = self._of.get(name)
-            refused = _not_there(name, ticket.name) if node is None else node.refusal(name, ticket.name)
+            node = self._node_of.get(name)
+            refused = _absent_output(name, ticket.name) if node is None else node.refusal(name, ticket.name)
             if node is None or refused is not None:
                 ticket.finish(Status.ERROR, refused)
                 return
             by_node.setdefault(node, {})[name] = raw
         ticket.begin()
-        shared = _Shared(ticket, len(by_node))
+        shared = _SharedTicket(ticket, len(by_node))
         for node, own in by_node.items():
             node.set(own, shared.part())
 
@@ -101,7 +101,7 @@ class IoScan:
                 node.make_safe()
 
     @property
-    def left(self) -> bool:
+    def outputs_left(self) -> bool:
         """Whether that has been sent, as far as possible."""
         return self._leaving and all(node.is_idle for _, node in self._nodes)
 
@@ -116,26 +116,26 @@ class IoScan:
             node.abandon(error)
 
 
-class _Shared:
+class _SharedTicket:
     """A command for outputs of several nodes: it ends when all parts have ended, or with the first failure."""
 
     def __init__(self, ticket: CommandStatus, parts: int) -> None:
         self._ticket = ticket
-        self._left = parts
+        self._parts_left = parts
 
     def part(self) -> CommandStatus:
         """Return the ticket of one node's part."""
-        return CommandStatus(self._ticket.name, self._hear)
+        return CommandStatus(self._ticket.name, self._part_ended)
 
-    def _hear(self, part: CommandStatus) -> None:
-        self._left -= 1
+    def _part_ended(self, part: CommandStatus) -> None:
+        self._parts_left -= 1
         if part.status is not Status.DONE:
             self._ticket.finish(part.status, part.error)
-        elif not self._left:
+        elif not self._parts_left:
             self._ticket.finish(Status.DONE)
 
 
-def _not_there(name: str, what: str) -> AxisbusError:
+def _absent_output(name: str, what: str) -> AxisbusError:
     return StateError(
         f"{what} was not sent: {name} is not present",
         observed="its node did not boot, or was found with an enabled drive and was left unchanged",
@@ -144,7 +144,7 @@ def _not_there(name: str, what: str) -> AxisbusError:
     )
 
 
-def _too_late(what: str) -> AxisbusError:
+def _closing_error(what: str) -> AxisbusError:
     return Stopped(
         f"{what} was not sent",
         observed="every output is being set to its safe state, because the machine is being closed",
@@ -154,27 +154,27 @@ def _too_late(what: str) -> AxisbusError:
 # -- Add the inputs and outputs of a node to the scan, and confirm that their outputs are safe when it has ended -------
 
 
-def add_io(board: IoScan, cell: CellConfig, link: CellLink, node_id: int, eds: Eds) -> None:
+def add_io(io_scan: IoScan, cell: CellConfig, link: CellLink, node_id: int, eds: Eds) -> None:
     """Add the inputs and outputs of a booted node, if the cell names any."""
     port = link.io(node_id)
     if port is not None:
         points = points_of(cell, node_id, Dictionary(eds, node_id))
-        board.add(NodeIo(node_id, points, port), port)
+        io_scan.add(NodeIo(node_id, points, port), port)
 
 
-def confirm_safe_outputs(board: IoScan, link: CellLink) -> list[Unsafe]:
+def confirm_safe_outputs(io_scan: IoScan, link: CellLink) -> list[Unsafe]:
     """Confirm or set the safe state of every output that was set; return those that are not confirmed. Blocks.
 
     That the scan has sent the safe value is no proof: a node may be lost for a moment before the loss is detected.
     """
-    ours = board.ours
+    ours = io_scan.ours
     return link.make_safe(ours) if ours else []
 
 
-def unconfirmed(board: IoScan) -> list[Unsafe]:
+def unconfirmed(io_scan: IoScan) -> list[Unsafe]:
     """Return the outputs that were set, before any of them has been checked."""
     text = "closing was aborted before the output was checked"
-    return [Unsafe(point.name, point.node, f"{point.object_text}: {text}") for point in board.ours]
+    return [Unsafe(point.name, point.node, f"{point.object_text}: {text}") for point in io_scan.ours]
 
 
 def not_safe(unsafe: Unsafe) -> NodeError:
@@ -221,7 +221,7 @@ def _address(point: IoPoint) -> Address:
 def _of_object(objects: NodeObjects, address: Address, points: list[IoPoint]) -> list[Unsafe]:
     try:
         before = _read(objects, address)
-        wanted = _with(points, before)
+        wanted = _with_safe_bits(points, before)
         if before == wanted:
             return []
         objects.write_unchecked(*address, wanted)
@@ -237,7 +237,7 @@ def _of_object(objects: NodeObjects, address: Address, points: list[IoPoint]) ->
     ]
 
 
-def _with(points: Iterable[IoPoint], word: int) -> int:
+def _with_safe_bits(points: Iterable[IoPoint], word: int) -> int:
     for point in points:
         word = point.into(word, point.safe)
     return word

@@ -35,10 +35,10 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("axisbus")
 
-REJOINS = 3  # automatic boot-ups of a node in a row
-_STEADY = 60.0  # seconds after a boot-up from which the next one does not count as in a row with it
+MAX_REJOINS = 3  # automatic boot-ups of a node in a row
+_STEADY_TIME = 60.0  # seconds after a boot-up from which the next one does not count as in a row with it
 _ANOTHER_DEVICE = frozenset(letter.name for letter in OTHER_DEVICE)
-ASK_EVERY = 1.0  # seconds
+POLL_PERIOD = 1.0  # seconds
 LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
 
 
@@ -53,36 +53,36 @@ class ReturningNode:
     node_id: int
     needs_boot: Callable[[], bool]
     boot: Callable[[], object]
-    tries: int = 0  # boot-ups in a row, each within ``_STEADY`` after the one before
+    tries: int = 0  # boot-ups in a row, each within ``_STEADY_TIME`` after the one before
     tried_at: float = -math.inf
-    another: bool = False  # another device has answered
+    is_other_device: bool = False  # another device has answered
 
     def step(self, now: float) -> None:
         """Boot the node if necessary; ``now`` in seconds. Errors are logged, and the axes of the node show them."""
-        if self.tries >= REJOINS and now - self.tried_at < _STEADY:
+        if self.tries >= MAX_REJOINS and now - self.tried_at < _STEADY_TIME:
             return
         if not self.needs_boot():
-            self.another = False
+            self.is_other_device = False
             return
-        if self.another:
+        if self.is_other_device:
             return
-        self.tries = 1 if now - self.tried_at >= _STEADY else self.tries + 1
+        self.tries = 1 if now - self.tried_at >= _STEADY_TIME else self.tries + 1
         self.tried_at = now
         try:
             self.boot()
         except StateError as error:  # such as an axis that is being stopped
             log.info("%s", error)
         except BootError as error:
-            self.another = error.letter in _ANOTHER_DEVICE
+            self.is_other_device = error.letter in _ANOTHER_DEVICE
             log.warning("node %d was not booted again: %s", self.node_id, error)
         else:
             log.warning("node %d was booted again; its axes wait for a reset", self.node_id)
-        if self.tries >= REJOINS:
+        if self.tries >= MAX_REJOINS:
             log.warning(
                 "node %d: no further automatic boot-up for %g s, after %d in a row; boot it by a command: "
                 "axisbus boot CELL --node %d",
                 self.node_id,
-                _STEADY,
+                _STEADY_TIME,
                 self.tries,
                 self.node_id,
             )
@@ -128,20 +128,20 @@ class LateBoot:
             self._thread.join(LEAVE_TIME)
 
     def _run(self) -> None:
-        while (self._absent or self._returning) and not self._stop.wait(ASK_EVERY):
-            self._ask_all()
+        while (self._absent or self._returning) and not self._stop.wait(POLL_PERIOD):
+            self._poll_all()
 
-    def _ask_all(self) -> None:
+    def _poll_all(self) -> None:
         for node_id in list(self._absent):
             if self._stop.is_set():
                 return
-            self._attempt(node_id, partial(self._try, node_id))
+            self._guarded(node_id, partial(self._boot_absent, node_id))
         for returning in self._returning:
             if self._stop.is_set():
                 return
-            self._attempt(returning.node_id, partial(returning.step, self._clock.now()))
+            self._guarded(returning.node_id, partial(returning.step, self._clock.now()))
 
-    def _attempt(self, node_id: int, work: Callable[[], None]) -> None:
+    def _guarded(self, node_id: int, work: Callable[[], None]) -> None:
         """Do something with a node; whatever the error, the nodes are polled again, unless the channel has failed."""
         try:
             work()
@@ -152,7 +152,7 @@ class LateBoot:
         except AxisbusError as error:
             log.warning("node %d was not booted: %s", node_id, error)
 
-    def _try(self, node_id: int) -> None:
+    def _boot_absent(self, node_id: int) -> None:
         if self._boot(node_id):
             self._absent.remove(node_id)
 

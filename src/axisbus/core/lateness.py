@@ -18,11 +18,11 @@ from math import frexp
 
 from axisbus.session import LATENESS_BOUNDS, LatenessReport
 
-_PER_OCTAVE = 8
+_CLASSES_PER_OCTAVE = 8
 _LEAST, _MOST = -19, 7  # exponents of two, in seconds: about 1 µs and 64 s
-_CLASSES = (_MOST - _LEAST + 1) * _PER_OCTAVE
+_CLASSES = (_MOST - _LEAST + 1) * _CLASSES_PER_OCTAVE
 _HALF = 0.5
-_HANGING = 0.25  # seconds without a cycle (at least ten periods) after which the last values are outdated
+_HANG_TIME = 0.25  # seconds without a cycle (at least ten periods) after which the last values are outdated
 
 
 class Cause(Enum):
@@ -54,8 +54,8 @@ class Lateness:
 
     def share(self, other: Lateness) -> None:
         """Copy the numbers into the memory of ``other``, and count there from now on."""
-        for place, number in enumerate(self._counts):
-            other._counts[place] = number
+        for index, number in enumerate(self._counts):
+            other._counts[index] = number
         self._counts = other._counts
 
     @property
@@ -100,8 +100,8 @@ class Lateness:
         found = zip(_CAUSES, seen[_FIRST_CAUSE:_FIRST_CLASS], strict=True)
         causes = {cause.value: int(count) for cause, count in found if count}
         classes = seen[_FIRST_CLASS:]
-        half, most = (_quantile(share, classes, worst) for share in (0.5, 0.99))
-        return LatenessReport(cycles, skipped, seen[_TOTAL], half, most, worst, causes, _within(classes))
+        median, p99 = (_quantile(share, classes, worst) for share in (0.5, 0.99))
+        return LatenessReport(cycles, skipped, seen[_TOTAL], median, p99, worst, causes, _within(classes))
 
 
 def _within(classes: Sequence[float]) -> tuple[int, ...]:
@@ -139,16 +139,18 @@ def _class_of(late: float) -> int:
         return 0
     if exponent > _MOST:
         return _CLASSES - 1
-    return (exponent - _LEAST) * _PER_OCTAVE + int((mantissa - _HALF) * 2 * _PER_OCTAVE)
+    return (exponent - _LEAST) * _CLASSES_PER_OCTAVE + int((mantissa - _HALF) * 2 * _CLASSES_PER_OCTAVE)
 
 
 def _edge(number: int) -> float:
-    octave, eighth = divmod(number, _PER_OCTAVE)
-    return float(2.0 ** (octave + _LEAST - 1) * (1.0 + (eighth + 1) / _PER_OCTAVE))
+    octave, eighth = divmod(number, _CLASSES_PER_OCTAVE)
+    return float(2.0 ** (octave + _LEAST - 1) * (1.0 + (eighth + 1) / _CLASSES_PER_OCTAVE))
 
 
-def hanging(age: float, period: float) -> str | None:
+def hang_text(age: float, period: float) -> str | None:
     """Return a text if the scan hangs: its last cycle was ``age`` seconds ago, its period is ``period``; None if it runs."""
     return (
-        f"the scan of the bus has done no cycle for {age:.2f} s" if age > max(_HANGING, 10 * period) else None
+        f"the scan of the bus has done no cycle for {age:.2f} s"
+        if age > max(_HANG_TIME, 10 * period)
+        else None
     )

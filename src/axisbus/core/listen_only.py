@@ -10,9 +10,9 @@ from axisbus.bus.link import adapter
 from axisbus.bus.link.listen import Listener, listen
 from axisbus.cell.model import SIMULATED, CellConfig
 from axisbus.core.files import load_dictionaries
-from axisbus.core.other_protocols import guests_of, simulated_guests
+from axisbus.core.other_protocols import foreign_nodes_of, simulated_foreign_nodes
 from axisbus.sim.build import device_from_eds
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 
 _CHANNELS = itertools.count(1)
 
@@ -33,5 +33,7 @@ def listen_to(cell: CellConfig, stack: ExitStack, *, silent: bool = False) -> Li
     listener = stack.enter_context(listen("virtual", name, None, {}))
     files = load_dictionaries(cell)
     devices = [device_from_eds(eds, node_id, seed=node_id) for node_id, eds in files.items()]
-    stack.enter_context(StandIns(name, devices, guests=guests_of(simulated_guests(cell))))
+    stack.enter_context(
+        SimulatedNetwork(name, devices, foreign_nodes=foreign_nodes_of(simulated_foreign_nodes(cell)))
+    )
     return listener

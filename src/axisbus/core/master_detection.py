@@ -26,7 +26,7 @@ def listening_time(bus: BusConfig) -> float:
     return max(SHORTEST, min(LONGEST, 2 * max(bus.heartbeat, bus.scan_period)))
 
 
-def cast_of(
+def expected_masters_of(
     cell: CellConfig, dictionaries: Mapping[int, Eds], rpdos: Mapping[int, int] | None = None
 ) -> ExpectedMasters:
     """Return the roles on a cell's bus. Its devices are no masters, nor is a SYNC that the cell expects from another device.

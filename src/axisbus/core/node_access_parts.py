@@ -22,8 +22,8 @@ class NodeEventSource(Protocol):
     def events(self) -> list[NodeEvent]:
         """The events since the scan began, oldest first."""
 
-    def hear(self, call: Callable[[NodeEvent], None]) -> None:
-        """Call ``call`` with every event from now on; it must not block."""
+    def subscribe(self, callback: Callable[[NodeEvent], None]) -> None:
+        """Call ``callback`` with every event from now on; it must not block."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

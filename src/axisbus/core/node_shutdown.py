@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from axisbus.boot.report import Booted
 from axisbus.bus.node.events import NodeEvent
-from axisbus.core.command_queue import AT_ONCE, MOST
+from axisbus.core.command_queue import COMMANDS_PER_CYCLE, QUEUE_LIMIT
 from axisbus.cpu_starvation import REMEDY
 from axisbus.errors import AxisbusError, NodeError, ScanError, StateError, Stopped, one_line
 from axisbus.link import NodeShutdown, StopResult, Unsafe, alarm
@@ -14,7 +14,7 @@ from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.stop.diagnosis import join_remedies
 
 
-def partings(
+def node_shutdowns(
     booted: Mapping[int, Booted],
     cores: Mapping[str, AxisCore],
     rescued: Iterable[StopResult],
@@ -26,15 +26,17 @@ def partings(
     replace the last states of the cores. ``unsafe``: outputs that only their module itself can still make safe.
     """
     armed = {each.node: NodeShutdown.ARMED for each in unsafe}
-    seen = {stopped.axis: stopped.ok for stopped in rescued}
-    return {node_id: armed.get(node_id) or _parting(node, cores, seen) for node_id, node in booted.items()}
+    results = {stopped.axis: stopped.ok for stopped in rescued}
+    return {
+        node_id: armed.get(node_id) or _shutdown_of(node, cores, results) for node_id, node in booted.items()
+    }
 
 
-def _parting(node: Booted, cores: Mapping[str, AxisCore], seen: Mapping[str, bool]) -> NodeShutdown:
-    ours = [cores[name] for name in node.parameters if name in cores and cores[name].touched]
-    if not all(seen.get(core.parameters.name, core.rests) for core in ours):
+def _shutdown_of(node: Booted, cores: Mapping[str, AxisCore], results: Mapping[str, bool]) -> NodeShutdown:
+    commanded = [cores[name] for name in node.parameters if name in cores and cores[name].touched]
+    if not all(results.get(core.parameters.name, core.rests) for core in commanded):
         return NodeShutdown.ARMED
-    return NodeShutdown.AS_FOUND if node.found_enabled and not ours else NodeShutdown.REST
+    return NodeShutdown.AS_FOUND if node.found_enabled and not commanded else NodeShutdown.REST
 
 
 def lost_without_axes(event: NodeEvent, starved: str) -> NodeError:
@@ -86,11 +88,12 @@ def interrupted(what: str, reason: str) -> Stopped:
     return Stopped(f"{what} did not begin: {reason}")
 
 
-def too_many(what: str) -> StateError:
+def queue_full(what: str) -> StateError:
     """Return the error of a command that does not fit into the queue."""
     return StateError(
         f"{what}: too many commands are waiting",
-        observed=f"{MOST} are waiting already, and the scan accepts {AT_ONCE} in each of its cycles; stops are always accepted",
+        observed=f"{QUEUE_LIMIT} are waiting already, and the scan accepts {COMMANDS_PER_CYCLE} in each of its cycles; "
+        "stops are always accepted",
         remedy="wait for the handles of commands before you give more, and add a short sleep to a loop that gives commands",
     )
 

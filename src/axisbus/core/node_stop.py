@@ -43,10 +43,10 @@ from axisbus.motion.parameters import NOISE, DemandUse, pull_window, standstill_
 from axisbus.motion.stop.settled_value import SettledValue
 from axisbus.units import wrap
 
-_STANDS_FOR = 0.1
-_LONGEST = 5.0
-_COASTS = 3.0  # seconds within which a drive without power must come to rest
-_FIRST_LOOK = 0.1  # seconds for the first check, before the stop is sent
+_STANDSTILL_TIME = 0.1
+_MAX_TIME = 5.0
+_COASTING_TIME = 3.0  # seconds within which a drive without power must come to rest
+_FIRST_TIMEOUT = 0.1  # seconds for the first check, before the stop is sent
 _POLL = 0.02
 _DOWNLOAD_2_BYTES = 0x2B  # SDO, expedited (CiA 301 7.2.4.3.3)
 
@@ -75,20 +75,22 @@ class NodeStop:
         self._node = node
         self._clock = node.channel.clock
         self._axes = [_AxisStop(axis, self._clock.now()) for axis in axes]
-        self._cut_off = False
-        self._silent = ""  # why the node is unknown, by the last request
+        self._pdos_disabled = False
+        self._no_answer = ""  # why the node is unknown, by the last request
         self._channel_failed = False
-        self._strays: int | None = None  # answers without a request, before the checks began
+        self._unrequested_answers: int | None = None  # answers without a request, before the checks began
 
     def run(self) -> list[StopResult]:
         """Stop the axes; blocks until standstill, at most about 6 s. Failures are in the result, and are not raised."""
         for axis in self._axes:
-            axis.found_off = _is_off(self._state(axis, _FIRST_LOOK))
+            axis.found_off = _is_off(self._state(axis, _FIRST_TIMEOUT))
         for axis in self._axes:
-            self._order_at_once(axis)
-        deadline = self._clock.now() + _LONGEST
-        while (left := [axis for axis in self._axes if axis.result is None]) and self._clock.now() < deadline:
-            self._look_at(left)
+            self._send_controlword(axis)
+        deadline = self._clock.now() + _MAX_TIME
+        while (
+            pending := [axis for axis in self._axes if axis.result is None]
+        ) and self._clock.now() < deadline:
+            self._check_axes(pending)
             if self._channel_failed:
                 break  # it brings no more answers
             self._clock.sleep(_POLL)
@@ -101,67 +103,71 @@ class NodeStop:
         if not any(axis.config.holds_load for axis in self._axes):
             send_bounded(self._node.channel, [(cob.NMT, bytes((NmtCommand.STOP, self._node.node_id)))])
 
-    def _look_at(self, axes: Sequence[_AxisStop]) -> None:
+    def _check_axes(self, axes: Sequence[_AxisStop]) -> None:
         for axis in axes:
             axis.result = self._step(axis)
-            if self._silent:  # the next axes would have to wait as long: send their stop now
+            if self._no_answer:  # the next axes would have to wait as long: send their stop now
                 for each in axes:
-                    self._order_at_once(each)
+                    self._send_controlword(each)
                 return
-        if self._strays is None:  # earlier ones are answers to stops that were sent without waiting
-            self._strays = self._count_strays()
+        if (
+            self._unrequested_answers is None
+        ):  # earlier ones are answers to stops that were sent without waiting
+            self._unrequested_answers = self._count_unrequested_answers()
 
     def _step(self, axis: _AxisStop) -> StopResult | None:
         """Check one axis, repeat the stop if needed, and return its result when it is known."""
         now, state = self._clock.now(), self._state(axis)
         if axis.disable_at <= now and state in ENERGISED and axis.word is not PowerCommand.DISABLE_VOLTAGE:
             axis.word = PowerCommand.DISABLE_VOLTAGE
-            self._order(axis)
+            self._write_controlword(axis)
         elif state is PowerState.OPERATION_ENABLED:
             self._enabled_again(axis)
         position = self._read(axis, o.POSITION_ACTUAL, 4, signed=True)
-        stands = axis.look.note(position, self._clock.now())
-        if self._silent:
+        at_standstill = axis.standstill.note(position, self._clock.now())
+        if self._no_answer:
             return None
         if _is_off(state):
-            return self._off(axis, state, position, stands)
-        if state is not PowerState.QUICK_STOP_ACTIVE or not stands:
+            return self._result_when_off(axis, state, position, at_standstill)
+        if state is not PowerState.QUICK_STOP_ACTIVE or not at_standstill:
             return None
-        pulled = axis.look.pulls(self._read(axis, o.POSITION_DEMAND, 4, signed=True))
-        return None if pulled else self._seen(axis, "is at standstill, held in quick stop")
+        deviates = axis.standstill.deviates(self._read(axis, o.POSITION_DEMAND, 4, signed=True))
+        return None if deviates else self._stopped_result(axis, "is at standstill, held in quick stop")
 
-    def _off(
-        self, axis: _AxisStop, state: PowerState, position: int | None, stands: bool
+    def _result_when_off(
+        self, axis: _AxisStop, state: PowerState, position: int | None, at_standstill: bool
     ) -> StopResult | None:
         """Return the result of an axis with power off. The motor may turn without power until 6064h shows standstill."""
         said = "was not energised" if axis.found_off else "stopped, power is off"
         axis.off_since = axis.off_since or self._clock.now()
         if position is None:
-            return self._seen(
+            return self._stopped_result(
                 axis, f"{said} ({state.value}); it has no position value, so standstill cannot be observed"
             )
-        if stands:
-            return self._seen(axis, f"{said} ({state.value})")
-        if self._clock.now() - axis.off_since > _COASTS:
-            text = f"its power is off ({state.value}), and it still moves{axis.look.text}"
+        if at_standstill:
+            return self._stopped_result(axis, f"{said} ({state.value})")
+        if self._clock.now() - axis.off_since > _COASTING_TIME:
+            text = f"its power is off ({state.value}), and it still moves{axis.standstill.text}"
             return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {text}")
         return None
 
-    def _seen(self, axis: _AxisStop, text: str) -> StopResult | None:
+    def _stopped_result(self, axis: _AxisStop, text: str) -> StopResult | None:
         """Return that the axis was seen stopped, unless a second device may have given the answers."""
-        if self._strays is None:
+        if self._unrequested_answers is None:
             return None  # the number of answering devices is not known yet
-        if self._count_strays() > self._strays:
+        if self._count_unrequested_answers() > self._unrequested_answers:
             why = f"each request is answered twice, so two devices have node-ID {self._node.node_id}"
             return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
         return StopResult(axis.config.name, True, text)
 
     def _not_confirmed(self, axis: _AxisStop) -> StopResult:
-        seen = f"after {_LONGEST:g} s (state {axis.state.value}{axis.look.text}): use the emergency stop"
-        why = self._silent or seen
+        seen = (
+            f"after {_MAX_TIME:g} s (state {axis.state.value}{axis.standstill.text}): use the emergency stop"
+        )
+        why = self._no_answer or seen
         return StopResult(axis.config.name, False, f"NOT CONFIRMED as stopped: {why}")
 
-    def _count_strays(self) -> int:
+    def _count_unrequested_answers(self) -> int:
         """Return the number of answers without a request; late answers do not count."""
         if any(count.retries or count.unanswered for count in self._counts()):
             return 0
@@ -176,26 +182,26 @@ class NodeStop:
 
     def _enabled_again(self, axis: _AxisStop) -> None:
         """Disable the PDOs and repeat the stop: the drive has not obeyed yet, or another master enables it in every cycle."""
-        if not self._cut_off:
+        if not self._pdos_disabled:
             with suppress(BusError):
                 nmt.send(self._node.channel, NmtCommand.ENTER_PRE_OPERATIONAL, self._node.node_id)
-            self._cut_off = True
-        self._order(axis)
+            self._pdos_disabled = True
+        self._write_controlword(axis)
 
-    def _order(self, axis: _AxisStop) -> None:
+    def _write_controlword(self, axis: _AxisStop) -> None:
         """Write the controlword of the stop; if it is refused or not answered, the next check repeats it."""
         try:
             self._node.sdo.download_urgent(
                 self._index(axis, o.CONTROLWORD), 0, axis.word.word.to_bytes(2, "little")
             )
         except BusError as error:
-            self._note(error)
+            self._note_error(error)
 
-    def _note(self, error: BusError) -> None:
-        self._silent = error.message
+    def _note_error(self, error: BusError) -> None:
+        self._no_answer = error.message
         self._channel_failed = isinstance(error, AdapterError) and not isinstance(error, BusOff)
 
-    def _order_at_once(self, axis: _AxisStop) -> None:
+    def _send_controlword(self, axis: _AxisStop) -> None:
         """Send the controlword of the stop by SDO without waiting for the answer."""
         index = self._index(axis, o.CONTROLWORD).to_bytes(2, "little")
         data = bytes((_DOWNLOAD_2_BYTES,)) + index + b"\0" + axis.word.word.to_bytes(4, "little")
@@ -210,14 +216,14 @@ class NodeStop:
     def _read(
         self, axis: _AxisStop, index: int, size: int, *, signed: bool = False, timeout: float | None = None
     ) -> int | None:
-        """Read an integer once; None if the drive has no such object, or does not answer (``_silent``)."""
-        self._silent = ""
+        """Read an integer once; None if the drive has no such object, or does not answer (``_no_answer``)."""
+        self._no_answer = ""
         try:
             data = self._node.sdo.upload(self._index(axis, index), 0, timeout=timeout, tries=1)
         except SdoAbort:
             return None
         except BusError as error:
-            self._note(error)
+            self._note_error(error)
             return None
         return int.from_bytes(data[:size], "little", signed=signed)
 
@@ -235,7 +241,7 @@ class _AxisStop:
 
     def __init__(self, config: AxisConfig, now: float) -> None:
         self.config = config
-        self.look = _Look(config)
+        self.standstill = _StandstillCheck(config)
         self.word = PowerCommand.QUICK_STOP
         may_drop = config.holds_load is None
         self.disable_at = now + stop_times(config).quick_stop if may_drop else float("inf")
@@ -245,16 +251,16 @@ class _AxisStop:
         self.result: StopResult | None = None
 
 
-class _Look:
+class _StandstillCheck:
     """Checks whether positions do not change for a while, and nothing pulls; holds the last position and the speed."""
 
     def __init__(self, axis: AxisConfig) -> None:
         units = units_of(axis)
         speed, factor = standstill_speed(axis, units) or 0.0, abs(units.position.factor)
         fastest = highest_speed(axis, units)
-        stands_for = max(_STANDS_FOR, standstill_time(fastest))
-        self._still = SettledValue(max(0.5 * NOISE, speed * stands_for), stands_for)
-        self._pull = pull_window(
+        settle_time = max(_STANDSTILL_TIME, standstill_time(fastest))
+        self._settled = SettledValue(max(0.5 * NOISE, speed * settle_time), settle_time)
+        self._deviation_window = pull_window(
             None if axis.standstill_window is None else axis.standstill_window * factor,
             None if axis.position_window is None else axis.position_window * factor,
             fastest,
@@ -271,13 +277,13 @@ class _Look:
         if self._last is not None and now > self._last[1]:
             self._speed = wrap(position - self._last[0]) / (now - self._last[1])
         self._last = position, now
-        return self._still.feed(position, now)
+        return self._settled.feed(position, now)
 
-    def pulls(self, demand: int | None) -> bool:
+    def deviates(self, demand: int | None) -> bool:
         """Whether the drive's demand position differs from the actual position."""
         if not self._uses_demand or demand is None or self._last is None:
             return False
-        return abs(wrap(demand - self._last[0])) > self._pull
+        return abs(wrap(demand - self._last[0])) > self._deviation_window
 
     @property
     def text(self) -> str:

@@ -25,7 +25,7 @@ from axisbus.core.node_access_parts import NodeParts
 from axisbus.core.node_stop import stop_nodes
 from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.link import StopResult
-from axisbus.sim.node.network import Guest
+from axisbus.sim.node.network import ForeignNode
 
 Lock = AbstractContextManager[object]
 
@@ -60,10 +60,10 @@ class OtherNodes(Protocol):
         """Stop listening."""
 
 
-class SimulatedGuest(NamedTuple):
+class SimulatedForeignNode(NamedTuple):
     """A simulated node of another protocol; ``access`` makes the user's access to it, from the lock of its network."""
 
-    guest: Guest
+    foreign_node: ForeignNode
     access: Callable[[Lock], SimulatedNode]
 
 
@@ -79,7 +79,7 @@ class CorePart:
     nodes: Callable[[CellConfig, Channel], OtherNodes]
     stop: Callable[[CellConfig, Channel, Collection[str]], list[StopResult]]
     holding: Callable[[CellConfig], frozenset[str]]
-    simulated: Callable[[CellConfig], Mapping[int, SimulatedGuest]]
+    simulated: Callable[[CellConfig], Mapping[int, SimulatedForeignNode]]
 
 
 def parts_of(cell: CellConfig) -> list[CorePart]:
@@ -154,16 +154,16 @@ def holding(cell: CellConfig) -> frozenset[str]:
 # -- simulated nodes ---------------------------------------------------------------------------------------------------
 
 
-def simulated_guests(cell: CellConfig) -> dict[int, SimulatedGuest]:
+def simulated_foreign_nodes(cell: CellConfig) -> dict[int, SimulatedForeignNode]:
     """Make the simulated nodes of other protocols of a cell, by node-ID; raises as ``CellPart.parameters``."""
     return {node_id: made for part in parts_of(cell) for node_id, made in part.simulated(cell).items()}
 
 
-def guests_of(made: Mapping[int, SimulatedGuest]) -> list[Guest]:
+def foreign_nodes_of(made: Mapping[int, SimulatedForeignNode]) -> list[ForeignNode]:
     """Return the nodes, for their network."""
-    return [each.guest for each in made.values()]
+    return [each.foreign_node for each in made.values()]
 
 
-def accesses_of(made: Mapping[int, SimulatedGuest], lock: Lock) -> dict[int, SimulatedNode]:
+def accesses_of(made: Mapping[int, SimulatedForeignNode], lock: Lock) -> dict[int, SimulatedNode]:
     """Return the user's access to each node; ``lock`` is that of their network."""
     return {node_id: each.access(lock) for node_id, each in made.items()}

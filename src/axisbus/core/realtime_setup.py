@@ -20,20 +20,22 @@ SPIN = (
     0.0001  # seconds at most before a cycle is due, in which the scan only polls the clock: see ``bus.cycle``
 )
 OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
-FIFO, LOCKED, APART = "SCHED_FIFO", "memory locked", "an isolated processor"
-WAKEFUL = "quick waking"
+FIFO, LOCKED, ISOLATED = "SCHED_FIFO", "memory locked", "an isolated processor"
+QUICK_WAKING = "quick waking"
 _ISOLATED = Path("/sys/devices/system/cpu/isolated")
 # a process that holds it open sets the allowed wake-up time of the processors
 _LATENCY = Path("/dev/cpu_dma_latency")
-_AT_ONCE = (0).to_bytes(4, sys.byteorder)  # µs
+_NO_LATENCY = (0).to_bytes(4, sys.byteorder)  # µs
 _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23  # linux/capability.h
 _GENERATIONS = range(3)
 _MARGIN = 3.0  # multiple of the last duration that must be left
-_FORGETS = 0.99  # per cycle without any collection
-_FAR_TOO_MANY = 100  # multiple of the object count at which the youngest generation is usually collected
+_DECAY = 0.99  # per cycle without any collection
+_FORCED_COLLECTION_RATIO = (
+    100  # multiple of the object count at which the youngest generation is usually collected
+)
 _PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # linux/prctl.h
 # Real-time priorities: above every normal thread, below the kernel's own for its devices.
-_OF_OTHERS, _OF_SCAN = 10, 50
+_PRIORITY_OF_OTHERS, _PRIORITY_OF_SCAN = 10, 50
 # MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT (linux/mman.h): only used pages, not every byte of each thread's stack
 _LOCKED = 1 | 2 | 4
 
@@ -45,38 +47,39 @@ def wake_in_time() -> None:
             ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
 
 
-def call_process(name: str) -> None:
+def set_process_name(name: str) -> None:
     """Set the short name of this process (Linux; 15 characters)."""
     if sys.platform == "linux":
         with suppress(OSError, AttributeError):
             ctypes.CDLL(None).prctl(_PR_SET_NAME, name.encode(), 0, 0, 0)
 
 
-def take_priority() -> list[str]:
+def set_real_time_priority() -> list[str]:
     """Give all threads of this process real-time priority, and lock its memory, as far as permitted (Linux).
 
     Return the result as texts. Later threads inherit it. The threads alternate with others of the same priority (SCHED_RR): of
-    several cores, watchdog processes and drives, none can block the others. Only a scan has a higher priority (``lead``).
+    several cores, watchdog processes and drives, none can block the others. Only a scan has a higher priority
+    (``raise_scan_priority``).
     """
-    got = []
+    granted = []
     with suppress(OSError):
         for thread in _threads():
-            os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(_OF_OTHERS))
-        got.append(FIFO)
+            os.sched_setscheduler(thread, os.SCHED_RR, os.sched_param(_PRIORITY_OF_OTHERS))
+        granted.append(FIFO)
     with suppress(OSError, AttributeError):
         if ctypes.CDLL(None, use_errno=True).mlockall(_LOCKED) == 0:
-            got.append(LOCKED)
-    return got
+            granted.append(LOCKED)
+    return granted
 
 
-def keep_awake() -> list[str]:
+def prevent_deep_sleep() -> list[str]:
     """Prevent deep sleep of this computer's processors while this process lives, if permitted (Linux).
 
     Return the result as texts. Waking up from deep sleep takes long, and leaves cold caches. Preventing it costs power.
     """
     with suppress(OSError):
-        os.write(os.open(_LATENCY, os.O_WRONLY | os.O_CLOEXEC), _AT_ONCE)  # open until the process ends
-        return [WAKEFUL]
+        os.write(os.open(_LATENCY, os.O_WRONLY | os.O_CLOEXEC), _NO_LATENCY)  # open until the process ends
+        return [QUICK_WAKING]
     return []
 
 
@@ -85,7 +88,7 @@ def _threads() -> list[int]:
     return [int(task.name) for task in Path("/proc/self/task").iterdir()]
 
 
-def take_processor() -> list[str]:
+def pin_to_isolated_processor() -> list[str]:
     """Run all threads of this process on one isolated processor (``isolcpus``), if there is any (Linux).
 
     Return the result as texts. The choice depends on the process, so that the cores of several programs are spread.
@@ -99,7 +102,7 @@ def take_processor() -> list[str]:
             os.sched_setaffinity(thread, one)
     except OSError:  # a container without permission
         return []
-    return [APART]
+    return [ISOLATED]
 
 
 def isolated() -> list[int]:
@@ -113,34 +116,36 @@ def isolated() -> list[int]:
 
 
 def permitted() -> list[str]:
-    """Return the texts that ``take_priority`` and ``keep_awake`` would return, without changing anything (Linux)."""
+    """Return the texts that ``set_real_time_priority`` and ``prevent_deep_sleep`` would return; changes nothing (Linux)."""
     if sys.platform != "linux":
         return []
     import resource  # only Unix has it
 
-    rights = _rights()
-    ranks, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
+    effective_capabilities = _effective_capabilities()
+    highest_priority, _ = resource.getrlimit(resource.RLIMIT_RTPRIO)
     memory, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
-    may = {
-        FIFO: rights >> _CAP_SYS_NICE & 1 or ranks == resource.RLIM_INFINITY or ranks >= _OF_SCAN,
-        LOCKED: rights >> _CAP_IPC_LOCK & 1 or memory == resource.RLIM_INFINITY,
-        WAKEFUL: os.access(_LATENCY, os.W_OK),
+    permissions = {
+        FIFO: effective_capabilities >> _CAP_SYS_NICE & 1
+        or highest_priority == resource.RLIM_INFINITY
+        or highest_priority >= _PRIORITY_OF_SCAN,
+        LOCKED: effective_capabilities >> _CAP_IPC_LOCK & 1 or memory == resource.RLIM_INFINITY,
+        QUICK_WAKING: os.access(_LATENCY, os.W_OK),
     }
-    return [what for what, allowed in may.items() if allowed]
+    return [what for what, allowed in permissions.items() if allowed]
 
 
-def _rights() -> int:
+def _effective_capabilities() -> int:
     with suppress(OSError, ValueError, StopIteration):
         lines = Path("/proc/self/status").read_text(encoding="ascii").splitlines()
         return int(next(line for line in lines if line.startswith("CapEff:")).split()[1], 16)
     return 0
 
 
-def lead() -> None:
+def raise_scan_priority() -> None:
     """Give the calling thread, that of a scan, SCHED_FIFO above the other threads of its process, if they have priority at all."""
     with suppress(OSError, AttributeError):
         if os.sched_getscheduler(0) == os.SCHED_RR:
-            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_OF_SCAN))
+            os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(_PRIORITY_OF_SCAN))
 
 
 class Collector:
@@ -152,14 +157,14 @@ class Collector:
 
     def watch(self) -> None:
         """Begin to measure."""
-        gc.callbacks.append(self._look)
+        gc.callbacks.append(self._on_collection)
 
     def forget(self) -> None:
         """End measuring."""
-        if self._look in gc.callbacks:
-            gc.callbacks.remove(self._look)
+        if self._on_collection in gc.callbacks:
+            gc.callbacks.remove(self._on_collection)
 
-    def _look(self, phase: str, _: dict[str, int]) -> None:
+    def _on_collection(self, phase: str, _: dict[str, int]) -> None:
         now = time.monotonic()
         if phase == "start":
             self._began = now
@@ -180,7 +185,7 @@ class IdleCollector:
     def __init__(self, period: float) -> None:
         """``period`` of the cycles, in s; disables the automatic collector."""
         self._period = period
-        self._took = [0.0, 0.0, 0.0]
+        self._durations = [0.0, 0.0, 0.0]
         gc.disable()
 
     def after_cycle(self, now: float, _: object = None) -> None:
@@ -190,18 +195,18 @@ class IdleCollector:
         if not found:
             return
         left = now + self._period - time.monotonic() - SPIN
-        fitting = [generation for generation in found if _MARGIN * self._took[generation] < left]
+        fitting = [generation for generation in found if _MARGIN * self._durations[generation] < left]
         if fitting:
             self._collect(fitting[-1])
-        elif counts[0] > _FAR_TOO_MANY * due[0]:
+        elif counts[0] > _FORCED_COLLECTION_RATIO * due[0]:
             self._collect(0)
         else:  # a collection that was interrupted, and took long because of that, must run again some time
-            self._took = [_FORGETS * seconds for seconds in self._took]
+            self._durations = [_DECAY * seconds for seconds in self._durations]
 
     def _collect(self, generation: int) -> None:
         began = time.monotonic()
         gc.collect(generation)
-        self._took[generation] = time.monotonic() - began
+        self._durations[generation] = time.monotonic() - began
 
 
 class RealtimeSetup:
@@ -222,26 +227,26 @@ class RealtimeSetup:
             self._count += 1
             gc.freeze()  # a full collection over the dictionaries takes several periods
 
-    def give_back(self) -> None:
+    def release(self) -> None:
         """End ``take``, after the last user; a switch interval that other code has set since is kept."""
         with self._lock:
             self._count -= 1
             if not self._count:
-                self._set_back()
+                self._restore()
 
     def disown(self) -> None:
         """End it in a forked child, in which no machine runs."""
         self._lock = threading.Lock()
         if self._count:
-            self._set_back()
+            self._restore()
         self._count = 0
 
-    def _set_back(self) -> None:
+    def _restore(self) -> None:
         if abs(sys.getswitchinterval() - _SWITCH_INTERVAL) < _SWITCH_INTERVAL / 100:
             sys.setswitchinterval(self._before)
         COLLECTOR.forget()
         gc.unfreeze()
 
 
-TUNING = RealtimeSetup()
-disown_in_children(TUNING)
+REALTIME_SETUP = RealtimeSetup()
+disown_in_children(REALTIME_SETUP)

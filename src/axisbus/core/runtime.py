@@ -14,7 +14,7 @@ from axisbus.bus.parallel import in_parallel
 from axisbus.cia302.types import Address
 from axisbus.cia402.port import Port
 from axisbus.core.node_access_parts import NodeParts
-from axisbus.core.node_shutdown import partings
+from axisbus.core.node_shutdown import node_shutdowns
 from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.errors import AxisbusError
 from axisbus.link import CellConnection, StopResult, Unsafe
@@ -29,14 +29,14 @@ CellLink = CellConnection[Booted, NodeParts, ControllerEvent, NodeEvent]
 class Runtime:
     """A cell on its link, booted but not yet scanned; holds the boot result of each node.
 
-    ``stand_ins`` are the simulated drives, if there are any.
+    ``simulated_nodes`` are the simulated drives, if there are any.
     """
 
     def __init__(
         self,
         link: CellLink,
         nodes: Iterable[int],
-        stand_ins: Mapping[int, SimulatedNode],
+        simulated_nodes: Mapping[int, SimulatedNode],
         on_report: Callable[[Booted], None] | None = None,
     ) -> None:
         """Boot ``nodes``; blocks meanwhile. ``on_report`` is called for each finished node, in the thread that booted it.
@@ -45,7 +45,7 @@ class Runtime:
             AdapterError: the channel failed; the link is closed then.
         """
         self.link = link
-        self.stand_ins = dict(stand_ins)
+        self.simulated_nodes = dict(simulated_nodes)
         try:
             self.booted = self._boot_all(list(nodes), on_report)
             link.begin()
@@ -90,9 +90,9 @@ class Runtime:
         rescued: Iterable[StopResult] = (),
         unsafe: Iterable[Unsafe] = (),
     ) -> None:
-        """Leave each node as appropriate, and release everything, despite any failure; see ``partings``."""
+        """Leave each node as appropriate, and release everything, despite any failure; see ``node_shutdowns``."""
         for work in (
-            partial(self.link.leave, partings(self.booted, cores or {}, rescued, unsafe)),
+            partial(self.link.leave, node_shutdowns(self.booted, cores or {}, rescued, unsafe)),
             self.link.close,
         ):
             with suppress(AxisbusError, OSError):
@@ -121,10 +121,10 @@ class Runtime:
         self,
         node_id: int,
         before: Mapping[Address, int] | None = None,
-        tell: Callable[[str], None] = lambda _: None,
+        on_step: Callable[[str], None] = lambda _: None,
     ) -> tuple[Booted, Mapping[str, Port]]:
         """Boot a node while the scan runs, as ``CellConnection.boot``; its ports are those of before if it does not come up."""
-        booted = self.link.boot(node_id, before, tell)
+        booted = self.link.boot(node_id, before, on_step)
         self._bootups[node_id] = self.nodes[node_id].node.nmt.bootups
         self.nodes[node_id] = self.link.parts(node_id)
         return booted, self.link.ports(node_id)

@@ -30,10 +30,10 @@ from copy import copy
 from typing import Protocol
 
 from axisbus.cia402.port import BusCycle, Port
-from axisbus.core.command_queue import CommandQueue, Waiting
+from axisbus.core.command_queue import CommandQueue, QueuedCommand
 from axisbus.core.io import IoScan
-from axisbus.core.lateness import Lateness, cause_of, hanging
-from axisbus.core.node_shutdown import ended, interrupted, refused_while_leaving, too_many
+from axisbus.core.lateness import Lateness, cause_of, hang_text
+from axisbus.core.node_shutdown import ended, interrupted, queue_full, refused_while_leaving
 from axisbus.core.realtime_setup import COLLECTOR
 from axisbus.core.waiting import inherited
 from axisbus.cpu_starvation import DRIVES, Starvation
@@ -110,9 +110,9 @@ class Scan:
         self._override = 1.0  # of the cell
         self._calls: deque[Callable[[], None]] = deque()
         self.renewals: list[str] = []  # axes that have begun again, in this order
-        self._inbox = CommandQueue()
+        self._commands = CommandQueue()
         self._next: float | None = None
-        self._before = math.inf  # start of the previous cycle
+        self._last_cycle = math.inf  # start of the previous cycle
         self._collected = COLLECTOR.seconds  # of the garbage collector, at the start of the previous cycle
         self._done_at = self._sending = -math.inf  # of the previous cycle: its end, and its time in sending
         self._stop_requests: deque[tuple[str, bool]] = deque()
@@ -123,11 +123,11 @@ class Scan:
         self._intrusions: deque[tuple[SecondMasterError, Sequence[str]]] = deque()
         self._stops_wanted = 0
         self._stops_begun = 0
-        self._leaving = ShutdownStop()
+        self._shutdown = ShutdownStop()
         self._given_up = False
         self._quitting = False
         self._quick_stop_sent = False  # at the end of a scan that has failed
-        self._refusing: str | None = None  # why no more commands are accepted
+        self._leaving_reason: str | None = None  # why no more commands are accepted
         self.leaving_since = math.inf  # seconds of the cycle's clock
         self._inherited = False  # by a forked child
         self._lock = threading.Lock()
@@ -144,7 +144,11 @@ class Scan:
         """
         if self._inherited:
             raise inherited(ticket.name)
-        waiting = None if self._refusing is not None else self._inbox.put(Waiting(target, command, ticket))
+        waiting = (
+            None
+            if self._leaving_reason is not None
+            else self._commands.put(QueuedCommand(target, command, ticket))
+        )
         if waiting is not None:
             return waiting.ticket
         ticket.finish(Status.ERROR, self._refusal(ticket.name))
@@ -188,8 +192,8 @@ class Scan:
 
         From here on the machine can only be closed: no command is accepted, and queued ones end.
         """
-        if self._refusing is None:
-            self._refusing, self.leaving_since = reason, self.cycle.now()
+        if self._leaving_reason is None:
+            self._leaving_reason, self.leaving_since = reason, self.cycle.now()
         self._stop_requests.append((reason, quick))
         self._stops_wanted += 1
 
@@ -200,7 +204,7 @@ class Scan:
         """
         self._halt_requests.append((reason, number))
 
-    def hold_to_run(self, seconds: float | None, who: str, continuous: float | None = None) -> None:
+    def hold_to_run(self, seconds: float | None, client_name: str, continuous: float | None = None) -> None:
         """Halt all axes unless this is called again within ``seconds``; None ends this. Does not block.
 
         ``continuous``: as in ``HoldToRun.hold``.
@@ -208,16 +212,16 @@ class Scan:
         if seconds is None:
             self._hold_to_run.let_go()
         else:
-            self._hold_to_run.hold(self.cycle.now(), seconds, who, continuous)
+            self._hold_to_run.hold(self.cycle.now(), seconds, client_name, continuous)
 
-    def _moves_on(self) -> bool:
+    def _has_continuous_motion(self) -> bool:
         """Whether an axis moves until another command stops it."""
         return any(core.state is AxisState.CONTINUOUS_MOTION for core in self.axes.values())
 
     @property
     def leaving_because(self) -> str | None:
         """Why no more commands are accepted, since ``leaving_since``; None while they are."""
-        return self._refusing
+        return self._leaving_reason
 
     def trip(self, error: AxisbusError) -> None:
         """Stop the whole cell for a cause outside the axes; takes effect in this cycle or the next. Does not block."""
@@ -229,7 +233,7 @@ class Scan:
         self._intrusions.append((error, names))
 
     def _refuse_waiting(self) -> None:
-        for waiting in self._inbox.clear():
+        for waiting in self._commands.clear():
             waiting.ticket.finish(Status.ERROR, self._refusal(waiting.ticket.name))
 
     @property
@@ -237,8 +241,8 @@ class Scan:
         """Whether every requested stop has ended (or the scan has)."""
         if self.ended:
             return True
-        outputs_too = not self.io or not self._stops_wanted or self.io.left
-        return self._stops_begun >= self._stops_wanted and self._leaving.over and outputs_too
+        outputs_too = not self.io or not self._stops_wanted or self.io.outputs_left
+        return self._stops_begun >= self._stops_wanted and self._shutdown.over and outputs_too
 
     @property
     def has_run(self) -> bool:
@@ -255,7 +259,7 @@ class Scan:
         seen = [snapshot.now for snapshot in self.snapshots.values()]
         seen += [reading.now for reading in self.io.readings.values()]
         last = max(seen, default=0.0)
-        return hanging(self.cycle.now() - last, self.period)
+        return hang_text(self.cycle.now() - last, self.period)
 
     @property
     def dead(self) -> str | None:
@@ -296,40 +300,40 @@ class Scan:
         """Execute one cycle. Raises the errors of the bus (``BusError``)."""
         cycle = self.cycle
         woken = self._wait(cycle)
-        gap = woken - self._before
-        old = gap > 2 * self.period and gap > self._longest_gap
-        if not old and not self.ended:
+        gap = woken - self._last_cycle
+        overdue = gap > 2 * self.period and gap > self._longest_gap
+        if not overdue and not self.ended:
             cycle.sync()
         if self.ended:  # taken over during the wait, or a frame was stuck: nothing may follow
             return
         behind = cycle.receive()
         now = cycle.now()  # after a send that may have blocked: a motion that begins now has all of its time
-        self._before = now
+        self._last_cycle = now
         if behind:
             self._note_behind(now)
         self._take_commands(now)
         for group in self.groups.values():
             group.step()
-        snapshots, news = self.snapshots, self._stops_begun > 0
+        snapshots, has_events = self.snapshots, self._stops_begun > 0
         for name, port, core in self._work:
             port.write(core.step(port.read(now)))
             snapshots[name] = core.snapshot()
             # Checked here and not in a loop of its own after the sends, because it is cheaper.
             if core.tripped is not None or core.running.ended:
-                news = True
+                has_events = True
         if self._stops_begun:
-            self._leaving.step(now)
+            self._shutdown.step(now)
         if self.io:
-            news = self._do_io(now) or news
+            has_events = self._do_io(now) or has_events
         began = cycle.now()
         cycle.commit()
         if self.ended:
             return
-        if old:
+        if overdue:
             cycle.sync()
         cycle.heartbeat()
         self._sending = (now - woken) + (cycle.now() - began)
-        if news or self._trips:
+        if has_events or self._trips:
             self._apply_policy()
             self._wake()
         elif self.groups:
@@ -340,7 +344,7 @@ class Scan:
 
     def _do_io(self, now: float) -> bool:
         """Read and write inputs and outputs. During closing they become safe when the axes are at standstill, or never will be."""
-        if self._given_up or (self._stops_begun >= max(1, self._stops_wanted) and self._leaving.over):
+        if self._given_up or (self._stops_begun >= max(1, self._stops_wanted) and self._shutdown.over):
             self.io.leave()
         self.io.step(now)
         return self.io.changed
@@ -356,7 +360,7 @@ class Scan:
             self._quick_stop_sent = self.cycle.quick_stop_all()
         failed, self.on_failure = self.on_failure if self.failure is not None else None, None
         self.ended = True
-        self._inbox.close()
+        self._commands.close()
         self._refuse_waiting()
         for core in self.axes.values():
             core.abandon(self._ended)
@@ -382,21 +386,25 @@ class Scan:
             queue.clear()
         self._halting = Halting()
         self._hold_to_run.let_go()
-        self._next, self._before = None, math.inf
+        self._next, self._last_cycle = None, math.inf
         self._done_at = self._sending = -math.inf
         self._quick_stop_sent = False
-        self._inbox.open()
+        self._commands.open()
         self.failure = None
         self.ended = False
 
     def stop_failures(self) -> list[AxisbusError]:
         """Return why axes could not be stopped as requested; empty when all went well."""
-        return self._leaving.failures()
+        return self._shutdown.failures()
 
     def _refusal(self, what: str) -> AxisbusError:
         if self.ended:
             return self._ended(what)
-        return too_many(what) if self._refusing is None else refused_while_leaving(what, self._refusing)
+        return (
+            queue_full(what)
+            if self._leaving_reason is None
+            else refused_while_leaving(what, self._leaving_reason)
+        )
 
     def _ended(self, what: str) -> AxisbusError:
         return ended(what, self.failure, self._quick_stop_sent)
@@ -474,7 +482,7 @@ class Scan:
         core = self.axes[name]
         core.begin_again(parameters, port.capabilities, error, absolute=absolute)
         core.set_override(cell=self._override)
-        self._work = [(each, port if each == name else old, axis) for each, old, axis in self._work]
+        self._work = [(each, port if each == name else overdue, axis) for each, overdue, axis in self._work]
         for group in self.groups.values():
             if name in group.axes:
                 group.forget()
@@ -492,35 +500,35 @@ class Scan:
             for name in self.axes.keys() & names:
                 self.axes[name].stop_for_second_master(copy(error))
         while self._stop_requests:
-            self._leaving.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
+            self._shutdown.begin(self.axes, Shutdown(*self._stop_requests.popleft()), now)
             self._stops_begun += 1
-        if self._refusing is not None:  # commands that were queued when the stop was requested
+        if self._leaving_reason is not None:  # commands that were queued when the stop was requested
             self._refuse_waiting()
             return
         while self._halt_requests:
             self._halt(*self._halt_requests.popleft())
-        if (silence := self._hold_to_run.broken(now, self._moves_on)) is not None:
+        if (silence := self._hold_to_run.broken(now, self._has_continuous_motion)) is not None:
             self._halt(silence, 0)
-        for waiting in self._inbox.take():
+        for waiting in self._commands.take():
             self._accept(waiting)
 
     def _halt(self, reason: str, number: int) -> None:
         """Halt moving axes because of an interrupt; of the queued commands only stops are executed."""
-        for waiting in self._inbox.clear():
+        for waiting in self._commands.clear():
             if waiting.is_stop:
                 self._accept(waiting)
             else:
                 waiting.ticket.finish(Status.ABORTED, interrupted(waiting.ticket.name, reason))
         self._halting.begin(self.axes, reason, number)
 
-    def _accept(self, waiting: Waiting) -> None:
+    def _accept(self, waiting: QueuedCommand) -> None:
         """Execute a command; an exception ends only this command, and stops its axes."""
         command, ticket = waiting.command, waiting.ticket
         if self._pairs and waiting.axes:
             refusal: AxisbusError | None = self._pairs.refusal(
                 waiting.target, command, waiting.axes, ticket.name
             )
-            refusal = refusal or self._not_to_be_led(waiting)
+            refusal = refusal or self._gantry_refusal(waiting)
             if refusal is not None:
                 ticket.finish(Status.ERROR, refusal)
                 self._wake_all()
@@ -543,7 +551,7 @@ class Scan:
             for name, stop in self._pairs.partner_stops(command, waiting.axes, self.axes).items():
                 accept(self.axes[name], stop, unattended(f"{name}.stop, because {ticket.name} was commanded"))
 
-    def _not_to_be_led(self, waiting: Waiting) -> AxisbusError | None:
+    def _gantry_refusal(self, waiting: QueuedCommand) -> AxisbusError | None:
         """Return why a path of a group must not move a gantry pair with other axes now."""
         for name in self._pairs.pairs_moved(waiting.target, waiting.command, waiting.axes):
             pair = self.groups.get(name)

@@ -20,8 +20,8 @@ from axisbus.cell.problem import errors
 from axisbus.eds.dictionary import Dictionary
 from axisbus.errors import ArgumentError
 from axisbus.record.condition import Condition, condition
-from axisbus.sim.fault_injection import DriveFaults, LssDials, NodeFaults, ProgramDials
-from axisbus.sim.fault_plan import Dial, Moment, PlannedFault
+from axisbus.sim.fault_injection import DriveFaults, LssFaults, NodeFaults, ProgramFaults
+from axisbus.sim.fault_plan import FaultSetting, FaultTiming, PlannedFault
 from axisbus.toml import document as toml
 from axisbus.toml import value_readers as v
 from axisbus.toml.problem import as_exception
@@ -38,15 +38,15 @@ KINDS: Mapping[str, str] = {
     "statusword": "integer",
 }
 _time = v.duration("0ms", "1440min")
-_WHEN: Keys = {
+_TIME_KEYS: Keys = {
     "begin": CellKey(_time),
     "when": CellKey(v.text),
     "after": CellKey(_time),
     "every": CellKey(v.duration("10ms", "1440min")),
     "for": CellKey(v.duration("1ms", "1440min")),
 }
-_WHOSE: Keys = {"axis": CellKey(v.text), "node": CellKey(v.integer(1, 127))}
-_WHAT: Keys = {
+_TARGET_KEYS: Keys = {"axis": CellKey(v.text), "node": CellKey(v.integer(1, 127))}
+_ACTION_KEYS: Keys = {
     "fault": CellKey(v.integer(1, 0xFFFF)),
     "maker_bits": CellKey(v.integer(0, 0xFFFF_FFFF)),
     "restart": CellKey(v.boolean),
@@ -77,9 +77,9 @@ def _amount(value: Any) -> float:
         return math.inf
     try:
         return float(_fault_value_readers_time(value) if isinstance(value, str) else v.finite(value))
-    except InvalidValue as unfit:
+    except InvalidValue as invalid:
         raise InvalidValue(
-            'a number, a time with its unit such as "300ms", or "never"', unfit.remedy
+            'a number, a time with its unit such as "300ms", or "never"', invalid.remedy
         ) from None
 
 
@@ -121,15 +121,15 @@ _BY_TYPE: Mapping[str, ValueReader] = {
 }
 
 
-def _keys(dials: type) -> Keys:
+def _keys(settings: type) -> Keys:
     return {
-        field.name: CellKey(_BY_TYPE[str(field.type)]) for field in fields(dials) if field.type in _BY_TYPE
+        field.name: CellKey(_BY_TYPE[str(field.type)]) for field in fields(settings) if field.type in _BY_TYPE
     }
 
 
-OF_AXIS: Keys = _keys(DriveFaults)
-OF_NODE: Keys = _keys(NodeFaults)
-PARTS: Mapping[str, Keys] = {"lss": _keys(LssDials), "program": _keys(ProgramDials)}
+AXIS_KEYS: Keys = _keys(DriveFaults)
+NODE_KEYS: Keys = _keys(NodeFaults)
+PARTS: Mapping[str, Keys] = {"lss": _keys(LssFaults), "program": _keys(ProgramFaults)}
 SWAP = "swap"
 _TABLES: Mapping[str, Keys] = {**PARTS, SWAP: _SWAP}
 
@@ -137,7 +137,7 @@ _TABLES: Mapping[str, Keys] = {**PARTS, SWAP: _SWAP}
 # -- faults file -------------------------------------------------------------------------------------------------------
 
 
-_KEYS: Keys = {**_WHOSE, **_WHEN, **_WHAT, **OF_AXIS, **OF_NODE}
+_KEYS: Keys = {**_TARGET_KEYS, **_TIME_KEYS, **_ACTION_KEYS, **AXIS_KEYS, **NODE_KEYS}
 
 
 def load_faults(path: str | Path, cell: CellConfig) -> tuple[PlannedFault, ...]:
@@ -172,22 +172,22 @@ class _Reading(Tables):
         parts = {
             part: self._sub((name,), table, part, keys) for part, keys in _TABLES.items() if part in table
         }
-        specimen = parts.pop(SWAP, None)
-        swap = None if specimen is None else {key: specimen[key] for key in _SWAP if key in specimen}
-        node, axis = self._whose(name, fields)
-        dials = _dials(fields, parts)
-        self._require_sense(name, table)
-        self._require_specimen(name, swap)
-        self._require_moment(name, table)
-        moment = self._moment(name, fields)
+        swap_table = parts.pop(SWAP, None)
+        swap = None if swap_table is None else {key: swap_table[key] for key in _SWAP if key in swap_table}
+        node, axis = self._node_and_axis(name, fields)
+        settings = _settings(fields, parts)
+        self._require_action(name, table)
+        self._require_swap(name, swap)
+        self._require_timing(name, table)
+        timing = self._timing(name, fields)
         if len(self.problems) > before:
             return None
         return PlannedFault(
-            name, _said(table), moment, node, axis, dials,
+            name, _description(table), timing, node, axis, settings,
             fields.get("fault", 0), fields.get("maker_bits", 0), fields.get("restart", False), swap,
         )  # fmt: skip
 
-    def _whose(self, name: str, fields: Fields) -> tuple[int, int]:
+    def _node_and_axis(self, name: str, fields: Fields) -> tuple[int, int]:
         axes, nodes = self._cell.driven, self._cell.nodes
         if ("axis" in fields) == ("node" in fields):
             self._error(
@@ -198,13 +198,13 @@ class _Reading(Tables):
                 self._module((name, "axis"), axes[fields["axis"]].node)
             return axes[fields["axis"]].node, axes[fields["axis"]].drive_axis
         elif "axis" in fields:
-            there, what = f"there are {', '.join(axes)}", f"the cell has no axis {fields['axis']!r}"
+            known, what = f"there are {', '.join(axes)}", f"the cell has no axis {fields['axis']!r}"
             if fields["axis"] in self._cell.axes:
                 what = f"axis {fields['axis']} is virtual: there is no drive to fail"
-            self._error((name, "axis"), what, there, "give one of them")
+            self._error((name, "axis"), what, known, "give one of them")
         elif fields["node"] not in nodes:
-            there = f"there are {', '.join(map(str, nodes))}"
-            self._error((name, "node"), f"the cell has no node {fields['node']}", there, "give one of them")
+            known = f"there are {', '.join(map(str, nodes))}"
+            self._error((name, "node"), f"the cell has no node {fields['node']}", known, "give one of them")
         elif nodes[fields["node"]].module is not None:
             self._module((name, "node"), fields["node"])
         return fields.get("node", 0), 1
@@ -218,24 +218,24 @@ class _Reading(Tables):
             "plant.simulated_node(NODE).module.dials",
         )
 
-    def _require_sense(self, name: str, table: Fields) -> None:
-        if not set(table) - set(_WHOSE) - set(_WHEN):
+    def _require_action(self, name: str, table: Fields) -> None:
+        if not set(table) - set(_TARGET_KEYS) - set(_TIME_KEYS):
             what = f"[{name}] does not say which fault occurs"
             self._error(
                 (name,), what, remedy="write fault = 0x2310, restart = true, or a dial: blocked = true"
             )
-        of_axis = [key for key in table if key in OF_AXIS or key in ("fault", "maker_bits")]
+        of_axis = [key for key in table if key in AXIS_KEYS or key in ("fault", "maker_bits")]
         if "node" in table and of_axis:
             remedy = 'write axis = "..." instead of node'
             self._error(
                 (name, of_axis[0]), f"{of_axis[0]!r} is a key of an axis, not of a node", remedy=remedy
             )
-        if "for" in table and not any(key in OF_AXIS or key in OF_NODE or key in PARTS for key in table):
+        if "for" in table and not any(key in AXIS_KEYS or key in NODE_KEYS or key in PARTS for key in table):
             self._error(
                 (name, "for"), "a fault, a restart and a swap have no duration", remedy="leave 'for' out"
             )
 
-    def _require_specimen(self, name: str, swap: Fields | None) -> None:
+    def _require_swap(self, name: str, swap: Fields | None) -> None:
         if swap is None:
             return
         if "serial" not in swap:
@@ -249,20 +249,20 @@ class _Reading(Tables):
                 remedy="write 1 to 127, or 255 for a drive without one",
             )
 
-    def _require_moment(self, name: str, table: Fields) -> None:
+    def _require_timing(self, name: str, table: Fields) -> None:
         if ("begin" in table) == ("when" in table):
             remedy = 'write begin = "10s" (since the drives began), or when = "x.position > 45"'
             self._error((name,), f"[{name}] needs either 'begin' or 'when'", remedy=remedy)
         if "after" in table and "when" not in table:
             self._error((name, "after"), "'after' requires 'when'", remedy="add its time to 'begin' instead")
 
-    def _moment(self, name: str, fields: Fields) -> Moment:
-        begin, when, every, lasts = (fields.get(key) for key in ("begin", "when", "every", "for"))
-        if every is not None and lasts is not None and lasts >= every:
+    def _timing(self, name: str, fields: Fields) -> FaultTiming:
+        begin, when, every, duration = (fields.get(key) for key in ("begin", "when", "every", "for"))
+        if every is not None and duration is not None and duration >= every:
             what = "it would begin again before it has ended"
             self._error((name, "every"), what, remedy="make 'every' longer than 'for'")
-        met = None if when is None else self._condition(name, when)
-        return Moment(begin, met, fields.get("after", 0.0), every, lasts)
+        is_met = None if when is None else self._condition(name, when)
+        return FaultTiming(begin, is_met, fields.get("after", 0.0), every, duration)
 
     def _condition(self, name: str, text: str) -> Condition | None:
         try:
@@ -272,13 +272,15 @@ class _Reading(Tables):
             return None
 
 
-def _dials(fields: Fields, parts: Mapping[str, Fields]) -> tuple[Dial, ...]:
+def _settings(fields: Fields, parts: Mapping[str, Fields]) -> tuple[FaultSetting, ...]:
     """Return the fault settings of a table, and those of its parts."""
-    own = [Dial(key, fields[key], key in OF_AXIS) for key in (*OF_AXIS, *OF_NODE) if key in fields]
+    own = [
+        FaultSetting(key, fields[key], key in AXIS_KEYS) for key in (*AXIS_KEYS, *NODE_KEYS) if key in fields
+    ]
     return (
         *own,
         *(
-            Dial(key, found[key], False, part)
+            FaultSetting(key, found[key], False, part)
             for part, found in parts.items()
             for key in PARTS[part]
             if key in found
@@ -286,9 +288,9 @@ def _dials(fields: Fields, parts: Mapping[str, Fields]) -> tuple[Dial, ...]:
     )
 
 
-def _said(table: Mapping[str, Any]) -> str:
+def _description(table: Mapping[str, Any]) -> str:
     """Return a table in a line, as its user has written it, without its times."""
-    return ", ".join(f"{key} = {_value(key, value)}" for key, value in table.items() if key not in _WHEN)
+    return ", ".join(f"{key} = {_value(key, value)}" for key, value in table.items() if key not in _TIME_KEYS)
 
 
 def _value(key: str, value: Any) -> str:

@@ -16,45 +16,48 @@ from axisbus.cell.model import CellConfig
 from axisbus.cell.parameters import axis_parameters
 from axisbus.cia402.state import decode
 from axisbus.core.files import load_dictionaries
-from axisbus.core.other_protocols import accesses_of, guests_of, simulated_guests
+from axisbus.core.other_protocols import accesses_of, foreign_nodes_of, simulated_foreign_nodes
 from axisbus.core.process.remote_proxy import answer_all
-from axisbus.core.realtime_setup import take_priority
+from axisbus.core.realtime_setup import set_real_time_priority
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.eds.model import Eds
 from axisbus.errors import UserError
 from axisbus.ipc.messages import CODEC
 from axisbus.ipc.stream import MessageStream
-from axisbus.ipc.values import NotForCrossing
+from axisbus.ipc.values import NotSendable
 from axisbus.record.columns import AxisForm, digits
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
 from axisbus.sim.fault_plan import Plan, PlannedFault
-from axisbus.sim.node.network import Guest, StandIns
+from axisbus.sim.node.network import ForeignNode, SimulatedNetwork
 from axisbus.sim.socketcand_server import Server
 from axisbus.system.local_sockets import local_socket
 
-_LOOK = 0.2  # seconds between two checks of the time
+_POLL_PERIOD = 0.2  # seconds between two checks of the time
 _STEP = 0.005  # seconds between two checks of the faults' conditions
 
 
-class Served:
+class ServedDrives:
     """Holds the devices of a cell, further modules of other protocols, and, while they are served, the player of the faults."""
 
     def __init__(
-        self, cell: CellConfig | None, faults: Sequence[PlannedFault], guests: Sequence[Guest] = ()
+        self,
+        cell: CellConfig | None,
+        faults: Sequence[PlannedFault],
+        foreign_nodes: Sequence[ForeignNode] = (),
     ) -> None:
-        """Make the devices; blocks for reading their files. ``guests`` are added to those of the cell.
+        """Make the devices; blocks for reading their files. ``foreign_nodes`` are added to those of the cell.
 
         Raises:
             EdsError: one is missing or cannot be read.
         """
         self._cell = cell
         self._faults = tuple(faults)
-        self._own = {} if cell is None else simulated_guests(cell)
-        self._guests = (*guests_of(self._own), *guests)
+        self._cell_foreign_nodes = {} if cell is None else simulated_foreign_nodes(cell)
+        self._foreign_nodes = (*foreign_nodes_of(self._cell_foreign_nodes), *foreign_nodes)
         self._dictionaries: Mapping[int, Eds] = {} if cell is None else load_dictionaries(cell)
         self._devices = {} if cell is None else devices(cell, self._dictionaries)
-        self._player: Player | None = None
+        self._fault_player: FaultPlayer | None = None
 
     @contextmanager
     def serve(self, port: int, control: Path | None = None) -> Iterator[Server]:
@@ -68,28 +71,33 @@ class Served:
             server = Server(port)
             stack.callback(server.close)
             network = stack.enter_context(
-                StandIns(server.channel, list(self._devices.values()), bus=server.bus, guests=self._guests)
+                SimulatedNetwork(
+                    server.channel,
+                    list(self._devices.values()),
+                    bus=server.bus,
+                    foreign_nodes=self._foreign_nodes,
+                )
             )
             if control is not None:
                 made = {
                     node_id: SimulatedNode(device, network.lock) for node_id, device in self._devices.items()
                 }
-                made |= accesses_of(self._own, network.lock)
-                stack.callback(ControlDoor(control, made).close)
+                made |= accesses_of(self._cell_foreign_nodes, network.lock)
+                stack.callback(ControlSocket(control, made).close)
             if self._faults and self._cell is not None:
-                self._player = Player(
+                self._fault_player = FaultPlayer(
                     self._faults, self._cell, self._dictionaries, self._devices, network.lock
                 )
-            take_priority()  # as for the drives of a core, so that a busy computer does not make them look lost
+            set_real_time_priority()  # as for the drives of a core, so that a busy computer does not make them look lost
             yield server
 
     def play(self, seconds: float | None) -> Iterator[str]:
         """Play the faults for this time (None: without end), and yield the texts about each; blocks meanwhile."""
         begin = time.monotonic()
-        pause = _LOOK if self._player is None else _STEP
+        pause = _POLL_PERIOD if self._fault_player is None else _STEP
         while seconds is None or time.monotonic() - begin < seconds:
             now = time.monotonic() - begin
-            for line in () if self._player is None else self._player.step(now):
+            for line in () if self._fault_player is None else self._fault_player.step(now):
                 yield f"{now:8.2f} s  {line}"
             time.sleep(pause)
 
@@ -97,7 +105,7 @@ class Served:
 # -- Executes planned faults on simulated drives; the values for their conditions come from the drives themselves ------
 
 
-class Player:
+class FaultPlayer:
     """Holds the plan, and the drive of each axis with its units. Positions are those of the drive (6064h)."""
 
     def __init__(
@@ -143,16 +151,16 @@ _BACKLOG = 16
 _LARGEST = 1 << 20  # bytes of a request
 
 
-class ControlDoor:
+class ControlSocket:
     """Gives programs of this user access to simulated drives and their fault settings; holds the socket."""
 
-    def __init__(self, path: Path, stand_ins: Mapping[int, SimulatedNode]) -> None:
+    def __init__(self, path: Path, simulated_nodes: Mapping[int, SimulatedNode]) -> None:
         """``path``: of the socket, which is created; a socket without a listener is replaced.
 
         Raises:
             UserError: it cannot be made there, or this platform has no such sockets.
         """
-        self._stand_ins = stand_ins
+        self._simulated_nodes = simulated_nodes
         self._path = path
         self._socket = _listening(path)
         threading.Thread(target=self._accept, name="axisbus control", daemon=True).start()
@@ -176,18 +184,18 @@ class ControlDoor:
     def _answer(self, line: socket.socket) -> None:
         stream = MessageStream(line, CODEC.pack, "axisbus answers", _LARGEST)
         try:
-            with suppress(NotForCrossing):
-                answer_all(stream, self._stand_ins)
+            with suppress(NotSendable):
+                answer_all(stream, self._simulated_nodes)
         finally:
             stream.finish()
 
 
 def _listening(path: Path) -> socket.socket:
-    _require_place(path)
+    _require_free_path(path)
     made = local_socket()
     before = os.umask(0o177)
     try:
-        if _is_left_over(path):
+        if _is_stale_socket(path):
             path.unlink()
         made.bind(str(path))
         made.listen(_BACKLOG)
@@ -203,14 +211,14 @@ def _listening(path: Path) -> socket.socket:
     return made
 
 
-def _require_place(path: Path) -> None:
+def _require_free_path(path: Path) -> None:
     if path.exists() and not stat.S_ISSOCK(path.stat().st_mode):
         raise UserError(
             f"{path} exists already, and is not a socket", remedy="give another name with --control"
         )
 
 
-def _is_left_over(path: Path) -> bool:
+def _is_stale_socket(path: Path) -> bool:
     """Whether a socket without a listener is there."""
     if not path.exists():
         return False

@@ -78,20 +78,22 @@ def devices(cell: CellConfig, dictionaries: Mapping[int, Eds]) -> dict[int, Devi
     Raises:
         ConfigError: ``unconfigured`` is not a list of the cell's nodes.
     """
-    bare = cell.bus.options.get(_KEY, [])
-    if not isinstance(bare, list) or not all(node in list(cell.nodes) for node in bare):
+    unconfigured = cell.bus.options.get(_KEY, [])
+    if not isinstance(unconfigured, list) or not all(node in list(cell.nodes) for node in unconfigured):
         raise ConfigError(
-            f"[bus.options] {_KEY} = {bare!r} is not a list of nodes of this cell",
+            f"[bus.options] {_KEY} = {unconfigured!r} is not a list of nodes of this cell",
             remedy=f"write some of {sorted(cell.nodes)}, such as {_KEY} = [{min(cell.nodes, default=1)}]",
         )
     return {
-        node_id: _device(node_id, eds, make_of(eds, cell.nodes[node_id].makes), bare=node_id in bare)
+        node_id: _device(
+            node_id, eds, make_of(eds, cell.nodes[node_id].makes), unconfigured=node_id in unconfigured
+        )
         for node_id, eds in dictionaries.items()
     }
 
 
-def _device(node_id: int, eds: Eds, make: DrivePlugin, *, bare: bool) -> Device:
-    own, serial = (NO_NODE_ID, node_id) if bare else (node_id, None)
+def _device(node_id: int, eds: Eds, make: DrivePlugin, *, unconfigured: bool) -> Device:
+    own, serial = (NO_NODE_ID, node_id) if unconfigured else (node_id, None)
     device = device_from_eds(eds, own, seed=node_id, serial=serial)
     device.dials.reboot_on_store = make.behaviour.store_restarts
     return device

@@ -37,20 +37,20 @@ class VirtualAxis(NamedTuple):
     port: Port
 
 
-def virtual_axes(cell: CellConfig, board: IoScan) -> dict[str, VirtualAxis]:
+def virtual_axes(cell: CellConfig, io_scan: IoScan) -> dict[str, VirtualAxis]:
     """Make the axes of a cell without a drive: virtual ones at 0 and without power, encoders at the position of their input."""
-    return {name: _axis(parameters, board) for name, parameters in all_virtual(cell).items()}
+    return {name: _axis(parameters, io_scan) for name, parameters in all_virtual(cell).items()}
 
 
-def _axis(parameters: AxisParameters, board: IoScan) -> VirtualAxis:
-    port = EncoderPort(board, parameters.encoder) if parameters.encoder else _led(parameters)
+def _axis(parameters: AxisParameters, io_scan: IoScan) -> VirtualAxis:
+    port = EncoderPort(io_scan, parameters.encoder) if parameters.encoder else _virtual_port(parameters)
     core = AxisCore(parameters, port.capabilities)
     # The start at 0 is no guess: no physical position could differ from it.
     core.confirm_position(origin=0)
     return VirtualAxis(core, port)
 
 
-def _led(parameters: AxisParameters) -> VirtualPort:
+def _virtual_port(parameters: AxisParameters) -> VirtualPort:
     quick = parameters.braking.quick
     assert quick is not None  # required by the reader
     return VirtualPort(VirtualDrive(parameters.slow_ramp or quick, quick), parameters.scan_period)
@@ -70,15 +70,15 @@ class EncoderPort:
     The input decides whether a count is fresh. If its value is unknown, the axis has no position.
     """
 
-    def __init__(self, board: IoScan, name: str) -> None:
+    def __init__(self, io_scan: IoScan, name: str) -> None:
         """``name`` of the input, which is on this board when its node has come up."""
-        self._board = board
+        self._io_scan = io_scan
         self._name = name
         self._replies: tuple[SdoReply, ...] = ()
         self._count: int | None = None
         inputs = dict.fromkeys(INPUT_OBJECTS, ValueTransport.NONE) | {
             "statusword": ValueTransport.SYNC_PDO,
-            "position": board.source_of(name),
+            "position": io_scan.source_of(name),
         }
         outputs = dict.fromkeys(OUTPUT_OBJECTS, ValueTransport.NONE)
         ages = dict.fromkeys(inputs, _AGE) | {"position": math.inf}
@@ -105,12 +105,12 @@ class EncoderPort:
         self._replies = tuple(SdoReply(each.id, None, abort.OBJECT_MISSING) for each in outputs.sdo or ())
 
     def _position(self) -> Sample | None:
-        reading = self._board.readings.get(self._name)
+        reading = self._io_scan.readings.get(self._name)
         if reading is None or reading.known is not SignalValidity.YES or reading.value is None:
             return None
         if self._count is None:
             self._count = reading.value
-        half = 1 << self._board.width_of(self._name) - 1
+        half = 1 << self._io_scan.width_of(self._name) - 1
         self._count += (reading.value - self._count + half) % (2 * half) - half
         return Sample(wrap(self._count), reading.stamp)
 

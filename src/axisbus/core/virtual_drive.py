@@ -36,7 +36,7 @@ _ENABLED, _QUICK_STOP = PowerState.OPERATION_ENABLED, PowerState.QUICK_STOP_ACTI
 # -- Profiles with constant accelerations: from the present velocity to a position, to another velocity, or to rest ----
 
 
-class Piece(NamedTuple):
+class RampSegment(NamedTuple):
     """A time in seconds with a constant acceleration (per s², signed); ``end`` is the exact velocity (per s) at its end."""
 
     seconds: float
@@ -55,34 +55,34 @@ class RampLimits(NamedTuple):
 class RampProfile:
     """Successive pieces; holds the remaining ones. After the last one the velocity stays constant."""
 
-    __slots__ = ("_left", "_pieces", "velocity")
+    __slots__ = ("_segments", "_time_left", "velocity")
 
-    def __init__(self, velocity: float, pieces: Sequence[Piece] = ()) -> None:
+    def __init__(self, velocity: float, segments: Sequence[RampSegment] = ()) -> None:
         """``velocity``: the present one, in increments per s."""
         self.velocity = velocity
-        self._pieces = list(pieces)
-        self._left = self._pieces[0].seconds if self._pieces else math.inf
+        self._segments = list(segments)
+        self._time_left = self._segments[0].seconds if self._segments else math.inf
         self.advance(0.0)  # skips pieces without duration
 
     @property
     def over(self) -> bool:
         """Whether the last piece has ended."""
-        return not self._pieces
+        return not self._segments
 
     def advance(self, dt: float) -> float:
         """Advance ``dt`` seconds; return the distance in increments."""
-        gone = 0.0
-        while self._pieces and dt >= self._left:
-            piece = self._pieces.pop(0)
-            gone += _distance(self.velocity, piece.acceleration, self._left)
-            dt -= self._left
-            self.velocity = piece.end
-            self._left = self._pieces[0].seconds if self._pieces else math.inf
-        acceleration = self._pieces[0].acceleration if self._pieces else 0.0
-        gone += _distance(self.velocity, acceleration, dt)
+        travelled = 0.0
+        while self._segments and dt >= self._time_left:
+            segment = self._segments.pop(0)
+            travelled += _distance(self.velocity, segment.acceleration, self._time_left)
+            dt -= self._time_left
+            self.velocity = segment.end
+            self._time_left = self._segments[0].seconds if self._segments else math.inf
+        acceleration = self._segments[0].acceleration if self._segments else 0.0
+        travelled += _distance(self.velocity, acceleration, dt)
         self.velocity += acceleration * dt
-        self._left -= dt
-        return gone
+        self._time_left -= dt
+        return travelled
 
 
 def to_rest(velocity: float, down: float) -> RampProfile:
@@ -102,12 +102,13 @@ def to_distance(velocity: float, distance: float, ramps: RampLimits) -> RampProf
     planned = ProfileFromSpeed(Start(0.0, velocity), distance, *ramps).pieces
     ends = [*(speed for _, _, speed, _ in planned[1:]), 0.0]
     return RampProfile(
-        velocity, [Piece(time, rate, end) for (time, _, _, rate), end in zip(planned, ends, strict=True)]
+        velocity,
+        [RampSegment(time, rate, end) for (time, _, _, rate), end in zip(planned, ends, strict=True)],
     )
 
 
-def _change(velocity: float, end: float, rate: float) -> Piece:
-    return Piece(abs(end - velocity) / rate, math.copysign(rate, end - velocity), end)
+def _change(velocity: float, end: float, rate: float) -> RampSegment:
+    return RampSegment(abs(end - velocity) / rate, math.copysign(rate, end - velocity), end)
 
 
 def _distance(velocity: float, acceleration: float, seconds: float) -> float:
@@ -117,32 +118,32 @@ def _distance(velocity: float, acceleration: float, seconds: float) -> float:
 # -- drive -------------------------------------------------------------------------------------------------------------
 
 
-class _Rest(NamedTuple):
+class _Stop(NamedTuple):
     """Come to rest."""
 
     down: float
 
 
-class _Go(NamedTuple):
+class _MoveTo(NamedTuple):
     """Move to a position (unwrapped increments) and rest there."""
 
     target: int
     ramps: RampLimits
 
 
-class _Turn(NamedTuple):
+class _MoveVelocity(NamedTuple):
     """Keep moving at a velocity."""
 
     velocity: int
     ramps: RampLimits
 
 
-class _Follow(NamedTuple):
+class _FollowTargets(NamedTuple):
     """Be at the target of each cycle."""
 
 
-_FOLLOW = _Follow()
-_Wish = _Rest | _Go | _Turn | _Follow
+_FOLLOW_TARGETS = _FollowTargets()
+_Action = _Stop | _MoveTo | _MoveVelocity | _FollowTargets
 
 
 class VirtualDrive:
@@ -154,27 +155,27 @@ class VirtualDrive:
         self.mode = int(ModeOfOperation.NONE)
         self.settings = dict.fromkeys(SETTINGS, max(1, round(slow)))
         self._quick = quick
-        self._whole, self._part = 0, 0.0  # of the position
+        self._whole, self._fraction = 0, 0.0  # of the position
         self._word = 0
         self._acknowledged = False
         self._target: int | None = None  # of cyclic synchronous position
         self._shown_target = 0  # 607Ah
         self._target_velocity = 0
-        self._goal: _Go | None = None
-        self._wish: _Wish = _Rest(quick)
-        self._way = RampProfile(0.0)
+        self._goal: _MoveTo | None = None
+        self._action: _Action = _Stop(quick)
+        self._profile = RampProfile(0.0)
 
     # -- inputs for the core ---------------------------------------------------------------------------------------------
 
     @property
     def position(self) -> int:
         """Actual position, as a drive counts it (INTEGER32)."""
-        return wrap(self._place)
+        return wrap(self._unwrapped)
 
     @property
     def velocity(self) -> int:
         """Actual velocity."""
-        return round(self._way.velocity)
+        return round(self._profile.velocity)
 
     @property
     def statusword(self) -> int:
@@ -182,16 +183,16 @@ class VirtualDrive:
         word = STATUSWORDS[self.state]
         if self.state is not _ENABLED:
             return word
-        if self.mode != _CSP and self._way.over:
+        if self.mode != _CSP and self._profile.over:
             word |= sw.TARGET_REACHED
-        return word | (sw.BIT_12 if self._says_yes() else 0)
+        return word | (sw.BIT_12 if self._bit_12() else 0)
 
-    def _says_yes(self) -> bool:
+    def _bit_12(self) -> bool:
         """Bit 12, with its meaning in the present mode."""
         if self.mode == _PP:
             return self._acknowledged
         if self.mode == _PV:
-            return not self._way.velocity
+            return not self._profile.velocity
         return self.mode == _CSP and not self._halted
 
     def value(self, index: int) -> int | None:
@@ -208,34 +209,34 @@ class VirtualDrive:
         return {**shown, **self.settings}.get(index)
 
     @property
-    def _place(self) -> int:
+    def _unwrapped(self) -> int:
         """Actual position, unwrapped."""
-        return self._whole + round(self._part)
+        return self._whole + round(self._fraction)
 
     # -- a cycle ---------------------------------------------------------------------------------------------------------
 
     def advance(self, dt: float) -> None:
         """Let ``dt`` seconds pass."""
-        if isinstance(self._wish, _Follow):
+        if isinstance(self._action, _FollowTargets):
             assert self._target is not None
-            self._way = RampProfile((self._target - self._whole - self._part) / dt)
-            self._whole, self._part = self._target, 0.0
+            self._profile = RampProfile((self._target - self._whole - self._fraction) / dt)
+            self._whole, self._fraction = self._target, 0.0
         else:
-            self._go_on(dt)
-        if self.state is _QUICK_STOP and self._way.over:
+            self._advance_profile(dt)
+        if self.state is _QUICK_STOP and self._profile.over:
             self._enter_state(PowerState.SWITCH_ON_DISABLED)
 
-    def _go_on(self, dt: float) -> None:
-        self._part += self._way.advance(dt)
-        if isinstance(self._wish, _Go) and self._way.over:
-            self._whole, self._part = self._wish.target, 0.0  # exactly, without the rounding errors
+    def _advance_profile(self, dt: float) -> None:
+        self._fraction += self._profile.advance(dt)
+        if isinstance(self._action, _MoveTo) and self._profile.over:
+            self._whole, self._fraction = self._action.target, 0.0  # exactly, without the rounding errors
             return
-        whole = math.floor(self._part)
-        self._whole, self._part = self._whole + whole, self._part - whole
+        whole = math.floor(self._fraction)
+        self._whole, self._fraction = self._whole + whole, self._fraction - whole
 
     def take(self, outputs: Outputs) -> None:
         """Take the outputs of this cycle: first mode and targets, so that they are set when the controlword acts."""
-        if self._goes_on(outputs):
+        if self._takes_next_target(outputs):
             return
         if outputs.mode is not None and outputs.mode != self.mode:
             self.mode = outputs.mode
@@ -245,14 +246,14 @@ class VirtualDrive:
         if outputs.target_position is not None:
             self._shown_target = outputs.target_position
         if outputs.controlword is not None:
-            self._obey(outputs.controlword)
+            self._execute_controlword(outputs.controlword)
         if outputs.nmt_stop:
             self._enter_state(PowerState.SWITCH_ON_DISABLED)
         if outputs.target_position is not None:
-            self._target = None if self._halted else unwrap(self._place, outputs.target_position)
-        self._lay(self._wanted())
+            self._target = None if self._halted else unwrap(self._unwrapped, outputs.target_position)
+        self._plan(self._wanted_action())
 
-    def _goes_on(self, outputs: Outputs) -> bool:
+    def _takes_next_target(self, outputs: Outputs) -> bool:
         """Take the outputs if they contain nothing new, or only the next target of a path; return whether this is so."""
         word, mode, target, velocity, _, _, _, nmt_stop, _, _, _ = outputs
         if (
@@ -264,12 +265,12 @@ class VirtualDrive:
         ):
             return False
         if target is not None:
-            if self._wish is not _FOLLOW:
+            if self._action is not _FOLLOW_TARGETS:
                 return False
-            self._shown_target, self._target = target, unwrap(self._place, target)
+            self._shown_target, self._target = target, unwrap(self._unwrapped, target)
         return True
 
-    def _obey(self, word: int) -> None:
+    def _execute_controlword(self, word: int) -> None:
         before, self._word = self._word, word
         self._enter_state(after(self.state, word))
         if self._halted:
@@ -278,7 +279,7 @@ class VirtualDrive:
         if self.mode != _PP or self.state is not _ENABLED:
             return
         if edge:
-            self._goal = _Go(unwrap(self._place, self._shown_target), self._ramps)
+            self._goal = _MoveTo(unwrap(self._unwrapped, self._shown_target), self._ramps)
         self._acknowledged = bool(word & cw.NEW_SET_POINT) and (bool(edge) or self._acknowledged)
 
     def _enter_state(self, state: PowerState) -> None:
@@ -308,30 +309,30 @@ class VirtualDrive:
 
     # -- motion -----------------------------------------------------------------------------------------------------------
 
-    def _wanted(self) -> _Wish:
+    def _wanted_action(self) -> _Action:
         ramps = self._ramps
         if self.state is not _ENABLED:
-            return _Rest(self._quick)
+            return _Stop(self._quick)
         if not self._halted:
             if self.mode == _PV:
-                return _Turn(self._target_velocity, ramps)
+                return _MoveVelocity(self._target_velocity, ramps)
             if self.mode == _PP and self._goal is not None:
                 return self._goal
             if self.mode == _CSP and self._target is not None:
-                return _FOLLOW
-        return _Rest(ramps.down)
+                return _FOLLOW_TARGETS
+        return _Stop(ramps.down)
 
-    def _lay(self, wish: _Wish) -> None:
-        """Begin a new profile if ``wish`` differs from the previous one."""
-        if wish == self._wish and type(wish) is type(self._wish):
+    def _plan(self, action: _Action) -> None:
+        """Begin a new profile if ``action`` differs from the previous one."""
+        if action == self._action and type(action) is type(self._action):
             return
-        self._wish, velocity = wish, self._way.velocity
-        if isinstance(wish, _Go):
-            self._way = to_distance(velocity, wish.target - self._whole - self._part, wish.ramps)
-        elif isinstance(wish, _Turn):
-            self._way = to_velocity(velocity, wish.velocity, wish.ramps)
-        elif isinstance(wish, _Rest):
-            self._way = to_rest(velocity, wish.down)
+        self._action, velocity = action, self._profile.velocity
+        if isinstance(action, _MoveTo):
+            self._profile = to_distance(velocity, action.target - self._whole - self._fraction, action.ramps)
+        elif isinstance(action, _MoveVelocity):
+            self._profile = to_velocity(velocity, action.velocity, action.ramps)
+        elif isinstance(action, _Stop):
+            self._profile = to_rest(velocity, action.down)
 
 
 # -- The power stage of an axis without one: the state machine of CiA 402, without delays and without faults -----------

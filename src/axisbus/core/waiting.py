@@ -75,23 +75,25 @@ class VirtualWaiter:
 
     realtime = False
 
-    def __init__(self, scan: Scan, clock: VirtualClock, then: Callable[[], None] | None = None) -> None:
-        """``clock`` is that of the scan's cycle. ``then`` is called between the cycles of ``wait`` and ``pump``, and may wait."""
+    def __init__(
+        self, scan: Scan, clock: VirtualClock, after_cycle: Callable[[], None] | None = None
+    ) -> None:
+        """``clock``: of the scan's cycle. ``after_cycle`` is called between those of ``wait`` and ``run_cycle``; it may wait."""
         self._scan = scan
         self._clock = clock
-        self._then = then
-        self._pumping: int | None = None
+        self._after_cycle = after_cycle
+        self._cycle_thread: int | None = None
         self._cycles = 0
         self._error: BaseException | None = None  # of a cycle, not yet raised
 
     def begin(self) -> None:
         """Execute the first cycle, and further ones whenever the program waits."""
         self._clock.add(self)
-        self.pump()
+        self.run_cycle()
 
-    def is_pumping(self) -> bool:
+    def is_in_cycle(self) -> bool:
         """Whether the caller runs within a cycle, as a handle's callback does."""
-        return self._pumping == threading.get_ident()
+        return self._cycle_thread == threading.get_ident()
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Execute cycles until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``.
@@ -103,7 +105,7 @@ class VirtualWaiter:
         """
         clock, scan = self._clock, self._scan
         until = None if timeout is None else clock.now() + timeout
-        if self.is_pumping() and not done():
+        if self.is_in_cycle() and not done():
             raise _in_callback()
         while not done():
             if until is not None and clock.now() >= until:
@@ -111,19 +113,19 @@ class VirtualWaiter:
             if scan.ended and (until is None or clock.closed):
                 break  # nothing can end this wait
             if clock.current is None and not scan.ended:
-                self.pump()
+                self.run_cycle()
             else:  # without a scan, or a thread of the clock, which runs while the program waits
                 clock.sleep(scan.period)
         return done()
 
     @sheltered  # an interrupt within a cycle would end the scan
-    def pump(self) -> None:
+    def run_cycle(self) -> None:
         """Let time pass until one cycle has been executed; an error of it other than an AxisbusError is raised here.
 
         Raises:
             StateError: called in a callback, which runs within a cycle.
         """
-        if self.is_pumping():
+        if self.is_in_cycle():
             raise _in_callback()
         cycles = self._cycles
         while self._cycles == cycles and not self._scan.ended:
@@ -131,21 +133,21 @@ class VirtualWaiter:
         error, self._error = self._error, None
         if error is not None:
             raise error
-        if self._then is not None:
-            self._then()
+        if self._after_cycle is not None:
+            self._after_cycle()
 
     # -- an event source of the clock --------------------------------------------------------------------------------
 
     @property
     def due(self) -> float:
         """Time of the next cycle."""
-        return math.inf if self._scan.ended or self._pumping is not None else self._scan.due
+        return math.inf if self._scan.ended or self._cycle_thread is not None else self._scan.due
 
     @sheltered
     def run(self, now: float, until: float) -> None:  # noqa: ARG002  # one cycle at a time
         """Execute one cycle; a failing scan ends every handle."""
         self._clock.catch_up()
-        self._pumping = threading.get_ident()
+        self._cycle_thread = threading.get_ident()
         try:
             self._scan.once()
         except BaseException as error:  # noqa: BLE001  # a scan that ends must stop the drives, whatever ended it
@@ -154,7 +156,7 @@ class VirtualWaiter:
                 self._error = error
         finally:
             self._cycles += 1
-            self._pumping = None
+            self._cycle_thread = None
 
     def catch_up(self, now: float) -> None:
         """As ``EventSource.catch_up``: it has no plant."""

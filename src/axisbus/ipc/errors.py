@@ -1,6 +1,6 @@
 """Errors as plain values: kind, fields, notes, and the cause as text; the receiver gets an error of the same kind.
 
-A cause, which may be an exception of any library, arrives as ``Elsewhere`` with its printed traceback.
+A cause, which may be an exception of any library, arrives as ``RemoteTraceback`` with its printed traceback.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class ErrorFields(msgspec.Struct, array_like=True, frozen=True):
 register_message_types(ErrorFields)
 
 
-class Elsewhere(Exception):
+class RemoteTraceback(Exception):
     """An exception of another process; its text is the traceback there."""
 
 
@@ -53,7 +53,7 @@ def to_fields(error: errors.AxisbusError) -> ErrorFields:
 
 
 def from_fields(given: ErrorFields) -> errors.AxisbusError:
-    """Return the error; its cause is attached as ``Elsewhere``."""
+    """Return the error; its cause is attached as ``RemoteTraceback``."""
     cls = _KINDS[given.kind]
     fields = {key: tuple(value) if isinstance(value, list) else value for key, value in given.fields.items()}
     error = cls.__new__(cls, fields["message"])
@@ -61,7 +61,7 @@ def from_fields(given: ErrorFields) -> errors.AxisbusError:
     for note in given.notes:
         error.add_note(note)
     if given.cause:
-        error.__cause__ = Elsewhere("\n" + given.cause)
+        error.__cause__ = RemoteTraceback("\n" + given.cause)
     return error
 
 
@@ -80,11 +80,11 @@ def _plain(value: object) -> Plain:
 
 def _trace(error: BaseException) -> str:
     """Return the traceback of an error without source lines: no thread of axisbus waits for a disk."""
-    places = [
+    locations = [
         f'  File "{frame.f_code.co_filename}", line {line}, in {frame.f_code.co_name}'
         for frame, line in traceback.walk_tb(error.__traceback__)
     ]
-    return "\n".join([*places, f"{type(error).__name__}: {error}"])
+    return "\n".join([*locations, f"{type(error).__name__}: {error}"])
 
 
 _KINDS: dict[str, type[errors.AxisbusError]] = {name: getattr(errors, name) for name in errors.__all__}

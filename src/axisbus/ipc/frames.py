@@ -14,19 +14,19 @@ _MOST = 20_000  # queued frames: some seconds of a full bus
 
 
 class FrameQueue:
-    """Frames queued for one reader; one thread takes them, any thread may call ``hear``."""
+    """Frames queued for one reader; one thread takes them, any thread may call ``put``."""
 
     def __init__(self) -> None:
         self._wanted: frozenset[int] = frozenset()
         self._waiting: deque[CanFrame] = deque()
         self.lost = 0  # wanted frames that were left out
-        self._told_lost = 0
+        self._reported_lost = 0
 
-    def want(self, can_ids: Collection[int]) -> None:
+    def select(self, can_ids: Collection[int]) -> None:
         """Accept only frames with these identifiers; if empty, all frames."""
         self._wanted = frozenset(can_ids)
 
-    def hear(self, frame: CanFrame) -> None:
+    def put(self, frame: CanFrame) -> None:
         """Queue a frame; does not block, and drops the frame if too many are queued."""
         if self._wanted and frame.can_id not in self._wanted:
             return
@@ -39,7 +39,7 @@ class FrameQueue:
         """Return the queued frames, packed, and the number of dropped ones since the last call."""
         found = [self._waiting.popleft() for _ in range(len(self._waiting))]
         lost = self.lost
-        new, self._told_lost = lost - self._told_lost, lost
+        new, self._reported_lost = lost - self._reported_lost, lost
         return b"".join(map(_packed, found)), new
 
 

@@ -7,7 +7,7 @@ its number. A reader copies the newest slot and compares both numbers. If the wr
 full round through all slots, the reader repeats this. A slow, stopped or faulty reader can thus disturb no other process.
 
 Errors are texts of any length: the image contains the number of an axis's error; the error itself is sent separately
-(``messages.ErrorTold``).
+(``messages.ErrorMessage``).
 """
 
 from __future__ import annotations
@@ -68,11 +68,11 @@ class ImageWriter:
         self._number = number = self._number + 1
         memory, at = self._memory, _HEAD + number % _SLOTS * self._slot
         _BEGIN.pack_into(memory, at, 0, now)
-        place = at + _BEGIN.size
+        entry_start = at + _BEGIN.size
         for name in self._names:
-            _put(memory, place, snapshots.get(name), errors.get(name, 0))
-            place += _AXIS.size
-        _NUMBER.pack_into(memory, place, number)
+            _put(memory, entry_start, snapshots.get(name), errors.get(name, 0))
+            entry_start += _AXIS.size
+        _NUMBER.pack_into(memory, entry_start, number)
         _NUMBER.pack_into(memory, at, number)
         _NUMBER.pack_into(memory, 0, number)
 
@@ -89,7 +89,9 @@ class ImageReader:
     def __init__(self, memory: mmap.mmap, names: Sequence[str], error_of: ErrorOf) -> None:
         """``names`` as those of the writer; ``error_of`` returns an error by its number."""
         self._memory = memory
-        self._places = {name: _BEGIN.size + place * _AXIS.size for place, name in enumerate(names)}
+        self._entry_starts = {
+            name: _BEGIN.size + entry_start * _AXIS.size for entry_start, name in enumerate(names)
+        }
         self._slot = _slot(len(names))
         self._error_of = error_of
         self._last = CellImage(b"", {}, error_of)
@@ -118,22 +120,22 @@ class ImageReader:
 
     def image(self, data: bytes) -> CellImage:
         """Return the image from its bytes."""
-        return CellImage(data, self._places, self._error_of)
+        return CellImage(data, self._entry_starts, self._error_of)
 
 
 class CellImage(Mapping[str, Snapshot]):
     """The axes of one cycle by name; each snapshot is made when it is read."""
 
-    __slots__ = ("_data", "_error_of", "_places")
+    __slots__ = ("_data", "_entry_starts", "_error_of")
 
-    def __init__(self, data: bytes, places: Mapping[str, int], error_of: ErrorOf) -> None:
+    def __init__(self, data: bytes, entry_starts: Mapping[str, int], error_of: ErrorOf) -> None:
         self._data = data
-        self._places = places
+        self._entry_starts = entry_starts
         self._error_of = error_of
 
     def __getitem__(self, name: str) -> Snapshot:
         """Return an axis; raises KeyError if it is absent."""
-        values = _AXIS.unpack_from(self._data, self._places[name])
+        values = _AXIS.unpack_from(self._data, self._entry_starts[name])
         if not values[-3] & _THERE:
             raise KeyError(name)
         return _snapshot(values, self._error_of)
@@ -145,19 +147,19 @@ class CellImage(Mapping[str, Snapshot]):
         return time
 
     def __iter__(self) -> Iterator[str]:
-        return (name for name in self._places if name in self)
+        return (name for name in self._entry_starts if name in self)
 
     def __len__(self) -> int:
         return sum(1 for _ in self)
 
     def __contains__(self, name: object) -> bool:
-        place = self._places.get(name)  # type: ignore[call-overload]
-        return place is not None and bool(_AXIS.unpack_from(self._data, place)[-3] & _THERE)
+        entry_start = self._entry_starts.get(name)  # type: ignore[call-overload]
+        return entry_start is not None and bool(_AXIS.unpack_from(self._data, entry_start)[-3] & _THERE)
 
 
-def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> None:
+def _put(memory: mmap.mmap, entry_start: int, axis: Snapshot | None, error: int) -> None:
     if axis is None:
-        _AXIS.pack_into(memory, place, *(0,) * 17)
+        _AXIS.pack_into(memory, entry_start, *(0,) * 17)
         return
     (
         now,
@@ -193,7 +195,7 @@ def _put(memory: mmap.mmap, place: int, axis: Snapshot | None, error: int) -> No
     )
     _AXIS.pack_into(
         memory,
-        place,
+        entry_start,
         now,
         stamp,
         override,

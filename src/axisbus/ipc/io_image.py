@@ -56,13 +56,13 @@ class IoImage:
         if not self._names:
             return
         self._number = number = self._number + 1
-        at = self._place(number)
+        at = self._slot_start(number)
         _NUMBER.pack_into(self._memory, at, 0)
-        place = at + _NUMBER.size
+        entry_start = at + _NUMBER.size
         for name in self._names:
-            _put(self._memory, place, readings.get(name))
-            place += _POINT.size
-        _NUMBER.pack_into(self._memory, place, number)
+            _put(self._memory, entry_start, readings.get(name))
+            entry_start += _POINT.size
+        _NUMBER.pack_into(self._memory, entry_start, number)
         _NUMBER.pack_into(self._memory, at, number)
         _NUMBER.pack_into(self._memory, self._at, number)
 
@@ -72,7 +72,7 @@ class IoImage:
             number: int = _NUMBER.unpack_from(self._memory, self._at)[0]
             if not number:
                 break
-            at = self._place(number)
+            at = self._slot_start(number)
             data = self._memory[at : at + self._slot]
             ends = _NUMBER.unpack_from(data, 0)[0], _NUMBER.unpack_from(data, self._slot - _NUMBER.size)[0]
             if ends == (number, number):
@@ -80,22 +80,26 @@ class IoImage:
                 break
         return self._last
 
-    def _place(self, number: int) -> int:
+    def _slot_start(self, number: int) -> int:
         return self._at + _NUMBER.size + number % _SLOTS * self._slot
 
     def _readings(self, data: bytes) -> dict[str, IoReading]:
         found = {}
-        for place, name in enumerate(self._names):
-            now, value, stamp, flags, known = _POINT.unpack_from(data, _NUMBER.size + place * _POINT.size)
+        for entry_start, name in enumerate(self._names):
+            now, value, stamp, flags, known = _POINT.unpack_from(
+                data, _NUMBER.size + entry_start * _POINT.size
+            )
             if flags & _THERE:
                 has = value if flags & _HAS_VALUE else None
                 found[name] = IoReading(now, _KNOWN[known], has, stamp, bool(flags & _SET))
         return found
 
 
-def _put(memory: mmap.mmap, place: int, reading: IoReading | None) -> None:
+def _put(memory: mmap.mmap, entry_start: int, reading: IoReading | None) -> None:
     if reading is None:
-        _POINT.pack_into(memory, place, 0.0, 0, 0.0, 0, 0)
+        _POINT.pack_into(memory, entry_start, 0.0, 0, 0.0, 0, 0)
         return
     flags = _THERE | (_HAS_VALUE if reading.value is not None else 0) | (_SET if reading.set else 0)
-    _POINT.pack_into(memory, place, reading.now, reading.value or 0, reading.stamp, flags, _AT[reading.known])
+    _POINT.pack_into(
+        memory, entry_start, reading.now, reading.value or 0, reading.stamp, flags, _AT[reading.known]
+    )

@@ -79,14 +79,14 @@ class NodeFacts:
 
 @dataclass(frozen=True, slots=True)
 class CellOpened:
-    """The machine runs: its nodes and axes; ``degree`` is the real-time status, ``process`` the ID of the core's process.
+    """The machine runs: its nodes and axes; ``real_time_status`` is the real-time status, ``process`` the ID of the core's process.
 
     ``commanded_by``: the program with control, as text.
     """
 
     nodes: dict[int, NodeFacts]
     axes: dict[str, AxisFacts]
-    degree: str
+    real_time_status: str
     process: int
     commanded_by: str = ""
 
@@ -240,7 +240,7 @@ class CommandEvents:
 
 
 @dataclass(frozen=True, slots=True)
-class ErrorTold:
+class ErrorMessage:
     """The error that has this number in an image, and the axis that it belongs to."""
 
     axis: str
@@ -258,7 +258,7 @@ class NodeJoined:
 
 
 @dataclass(frozen=True, slots=True)
-class NodeTold:
+class NodeEventMessage:
     """Error control has an event of a node whose events are requested."""
 
     event: NodeEvent
@@ -336,9 +336,9 @@ Message = (
     | Leave
     | Left
     | CommandEvents
-    | ErrorTold
+    | ErrorMessage
     | NodeJoined
-    | NodeTold
+    | NodeEventMessage
     | CycleImages
     | Frames
     | CoreCondition

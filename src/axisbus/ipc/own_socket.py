@@ -7,8 +7,8 @@ descriptor. The number is then unused, or refers to another file. Python does no
 and close it in the end. Therefore the socket stores the identity of its file when it is made, and compares it before each use.
 
 A call that waits in the kernel keeps its file open, even after its descriptor is gone: the far end does not see the end of the
-connection. With ``look`` a reader waits in slices. The kernel then releases the file at the end of the slice, even while another
-thread of the program holds the interpreter.
+connection. With ``watch_for_loss`` a reader waits in slices. The kernel then releases the file at the end of the slice, even while
+another thread of the program holds the interpreter.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class OwnSocket:
         """Take over ``line``, which no other code may use."""
         self._line = line
         self._file = _file_of(line)
-        self._looks = False
+        self._watches = False
 
     @property
     def lost(self) -> bool:
@@ -49,13 +49,13 @@ class OwnSocket:
         """Return its descriptor, -1 after it has been released."""
         return self._line.fileno()
 
-    def look(self) -> None:
+    def watch_for_loss(self) -> None:
         """Let ``recv`` notice within ``SLICE`` that the socket is lost, so that the far end notices it as well."""
         if not self.lost:
             self._line.setsockopt(
                 socket.SOL_SOCKET, socket.SO_RCVTIMEO, _TIME.pack(0, int(SLICE * 1_000_000))
             )
-            self._looks = True
+            self._watches = True
 
     def recv(self, count: int) -> bytes:
         """Return at most ``count`` bytes, none at the end of the connection; blocks. Raises OSError, also if the socket is lost."""
@@ -64,7 +64,7 @@ class OwnSocket:
             try:
                 return self._line.recv(count)
             except BlockingIOError:
-                if not self._looks:
+                if not self._watches:
                     raise
 
     def send(self, data: bytes) -> None:
@@ -105,12 +105,12 @@ class FarEnd:
         """``number`` and ``inode``: those of the socket in ``process``."""
         self._path = f"/proc/{process}/fd/{number}"
         self._file = f"socket:[{inode}]"
-        self._can_tell = self._found() == self._file
+        self._is_readable = self._found() == self._file
 
     @property
     def lost(self) -> bool:
         """Whether the process has closed or replaced it; False if this process has no permission to check."""
-        return self._can_tell and self._found() not in (self._file, None)
+        return self._is_readable and self._found() not in (self._file, None)
 
     def _found(self) -> str | None:
         try:

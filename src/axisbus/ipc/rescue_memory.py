@@ -73,24 +73,32 @@ class LifelineWriter:
     def __init__(self, memory: mmap.mmap, at: int) -> None:
         self._memory = memory
         self._at = at
-        self._places: dict[int, list[int]] = {}  # locations of the entries of an axis
+        self._entries_of: dict[int, list[int]] = {}  # locations of the entries of an axis
         self._frames: dict[int, int] = {}  # location of the entry of a COB-ID
         self._count = 0
 
-    def enter(self, held: Sequence[RescueRpdo]) -> None:
+    def enter(self, rpdos: Sequence[RescueRpdo]) -> None:
         """Enter RPDOs, before anything is sent with them; they replace the earlier entries of their axes."""
-        free = [place for axis in {one.axis for one in held} for place in self._places.pop(axis, ())]
-        for place in free:
-            _ENTRY.pack_into(self._memory, place, _NO_FRAME, NO_WORD, 0, 0, 0, 0, b"")
-        self._frames = {cob_id: place for cob_id, place in self._frames.items() if place not in free}
-        for one in held:
-            place = free.pop() if free else self._new_place()
-            _ENTRY.pack_into(self._memory, place, one.cob_id, one.shift, 0, 0, one.axis, one.zero, b"")
-            self._places.setdefault(one.axis, []).append(place)
-            self._frames[one.cob_id] = place
+        free = [
+            entry_start
+            for axis in {rpdo.axis for rpdo in rpdos}
+            for entry_start in self._entries_of.pop(axis, ())
+        ]
+        for entry_start in free:
+            _ENTRY.pack_into(self._memory, entry_start, _NO_FRAME, NO_WORD, 0, 0, 0, 0, b"")
+        self._frames = {
+            cob_id: entry_start for cob_id, entry_start in self._frames.items() if entry_start not in free
+        }
+        for rpdo in rpdos:
+            entry_start = free.pop() if free else self._new_entry()
+            _ENTRY.pack_into(
+                self._memory, entry_start, rpdo.cob_id, rpdo.shift, 0, 0, rpdo.axis, rpdo.zero, b""
+            )
+            self._entries_of.setdefault(rpdo.axis, []).append(entry_start)
+            self._frames[rpdo.cob_id] = entry_start
         _COUNT.pack_into(self._memory, self._at + _COUNT_AT, self._count)
 
-    def _new_place(self) -> int:
+    def _new_entry(self) -> int:
         self._count += 1
         return self._at + _HEAD.size + (self._count - 1) * _ENTRY.size
 
@@ -102,17 +110,17 @@ class LifelineWriter:
         """Store the last frames, by their COB-IDs; frames that a stop does not change are skipped."""
         memory = self._memory
         for cob_id, data in frames.items():
-            place = self._frames.get(cob_id)
-            if place is not None:
-                start = place + _DATA_AT
+            entry_start = self._frames.get(cob_id)
+            if entry_start is not None:
+                start = entry_start + _DATA_AT
                 memory[start : start + 8] = data.ljust(8, b"\0")
-                memory[place + 5] = len(data)
-                memory[place + _FLAGS_AT] |= _SENT
+                memory[entry_start + 5] = len(data)
+                memory[entry_start + _FLAGS_AT] |= _SENT
 
     def touched(self, axis: int) -> None:
         """Store that an axis was commanded."""
-        for place in self._places.get(axis, ()):
-            self._memory[place + _FLAGS_AT] |= _TOUCHED
+        for entry_start in self._entries_of.get(axis, ()):
+            self._memory[entry_start + _FLAGS_AT] |= _TOUCHED
 
 
 def stage_of(memory: mmap.mmap, at: int) -> CoreStage:

@@ -6,7 +6,7 @@ Theory of operation
 scan's thread, and in a signal handler: it takes no lock, and wakes the thread by a byte in a socket. If the far end reads nothing,
 the queue grows: ``waiting`` is its length, which a sender of many messages checks.
 
-A connection whose sockets the process has lost (see ``own_socket``) has ended. ``look`` lets both ends notice that soon.
+A connection whose sockets the process has lost (see ``own_socket``) has ended. ``watch_for_loss`` lets both ends notice that soon.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class MessageStream:
         self._largest = largest
         self._pack = pack
         self._queue: deque[object] = deque()
-        self._wakes, self._wake = own_pair()
+        self._wake_receiver, self._wake_source = own_pair()
         self._closing = False
         self.lost = False  # whether this process has closed or replaced one of its sockets
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
@@ -54,16 +54,16 @@ class MessageStream:
         """The number of messages that have not been sent."""
         return len(self._queue)
 
-    def look(self) -> None:
+    def watch_for_loss(self) -> None:
         """Let a lost socket end the connection within ``own_socket.SLICE``, for the far end as well; before ``messages``."""
-        self._line.look()
+        self._line.watch_for_loss()
 
     def send(self, message: object) -> None:
         """Queue a message (bytes: already packed); if the connection has been closed, it is dropped."""
         if self._closing:
             return
         self._queue.append(message)
-        self._nudge()
+        self._wake_sender()
 
     def messages(self) -> Iterator[bytes]:
         """Yield each received message, until the far end is gone or has sent an invalid length; blocks."""
@@ -82,14 +82,14 @@ class MessageStream:
         if self._closing:
             return
         self._closing = True
-        self._nudge()
+        self._wake_sender()
         while wait > 0.0 and self._thread.is_alive():
             began, part = time.monotonic(), min(wait, _SLICE)
             self._thread.join(part)
             wait -= min(part, time.monotonic() - began)
         self._line.shutdown(socket.SHUT_RDWR)
 
-    def say_no_more(self) -> None:
+    def end_sending(self) -> None:
         """Notify the far end that nothing more is sent; its messages can still be read until it closes."""
         self._line.shutdown(socket.SHUT_WR)
 
@@ -105,9 +105,9 @@ class MessageStream:
         self._queue = deque()
         self._release()
 
-    def _nudge(self) -> None:
+    def _wake_sender(self) -> None:
         with suppress(OSError):  # full: it is awake; closed: no thread is there
-            self._wake.send(b"\0")
+            self._wake_source.send(b"\0")
 
     def _read(self, count: int) -> bytes | None:
         parts = bytearray()
@@ -124,18 +124,18 @@ class MessageStream:
 
     def _run(self) -> None:
         try:
-            while self._empty() and not self._closing:
+            while self._send_queue() and not self._closing:
                 if not self._woken():
                     self._line.shutdown(socket.SHUT_RDWR)  # nothing could be sent any more
                     return
-            self._empty()
+            self._send_queue()
         finally:
             self._queue.clear()
 
     def _woken(self) -> bool:
         """Wait until there is something to do; return False if no thread can wake this one any more."""
         try:
-            woken = bool(self._wakes.recv(_READ))
+            woken = bool(self._wake_receiver.recv(_READ))
         except OSError:
             woken = False
         if not woken:
@@ -144,9 +144,9 @@ class MessageStream:
 
     def _note_lost(self) -> None:
         if not self._closing:
-            self.lost = any(end.lost for end in (self._line, self._wakes, self._wake))
+            self.lost = any(end.lost for end in (self._line, self._wake_receiver, self._wake_source))
 
-    def _empty(self) -> bool:
+    def _send_queue(self) -> bool:
         """Send the queue; return False if the far end is gone."""
         while self._queue:
             data = self._packed(self._queue[0])
@@ -167,5 +167,5 @@ class MessageStream:
         return _LENGTH.pack(len(data)) + data
 
     def _release(self) -> None:
-        for end in (self._line, self._wakes, self._wake):
+        for end in (self._line, self._wake_receiver, self._wake_source):
             end.close()

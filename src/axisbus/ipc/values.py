@@ -29,7 +29,7 @@ _PACK = msgspec.msgpack.Encoder().encode
 _UNPACK = msgspec.msgpack.Decoder().decode
 
 
-class NotForCrossing(TypeError):
+class NotSendable(TypeError):
     """A value must not be sent to another process, or bytes without a valid value were read."""
 
 
@@ -40,18 +40,18 @@ class Codec:
         """``roots``: types, unions and generic aliases; the types of their fields are permitted, too."""
         self._classes: dict[str, type] = {}
         for root in roots:
-            self._learn(root)
+            self._permit(root)
 
     def pack(self, value: object) -> bytes:
-        """Return a value as bytes; raises NotForCrossing for a class that is not permitted."""
-        return _PACK(self._out(value))
+        """Return a value as bytes; raises NotSendable for a class that is not permitted."""
+        return _PACK(self._encode(value))
 
     def unpack(self, data: bytes | msgspec.Raw) -> Any:
-        """Return the value of ``data``; raises NotForCrossing if it contains none."""
+        """Return the value of ``data``; raises NotSendable if it contains none."""
         try:
-            return self._in(_UNPACK(data))
+            return self._decode(_UNPACK(data))
         except Exception as error:  # any kind: deep nesting, or a constructor that rejects its fields
-            raise NotForCrossing(f"data from another process cannot be decoded: {error}") from error
+            raise NotSendable(f"data from another process cannot be decoded: {error}") from error
 
     @property
     def classes(self) -> Mapping[str, type]:
@@ -60,24 +60,24 @@ class Codec:
 
     # -- permitted classes -----------------------------------------------------------------------------------------------
 
-    def _learn(self, kind: Any) -> None:
+    def _permit(self, kind: Any) -> None:
         if typing.get_origin(kind) is not None:
             for part in typing.get_args(kind):
-                self._learn(part)
+                self._permit(part)
         elif isinstance(kind, type) and _is_record(kind) and _name(kind) not in self._classes:
             self._classes[_name(kind)] = kind
             for hint in () if issubclass(kind, Enum) else typing.get_type_hints(kind).values():
-                self._learn(hint)
+                self._permit(hint)
 
     def _known(self, kind: type) -> str:
         name = _name(kind)
         if self._classes.get(name) is not kind:
-            raise NotForCrossing(f"{name} cannot be sent to another process")
+            raise NotSendable(f"{name} cannot be sent to another process")
         return name
 
     # -- out -------------------------------------------------------------------------------------------------------------
 
-    def _out(self, value: Any) -> Any:
+    def _encode(self, value: Any) -> Any:
         kind = type(value)
         if kind in _PLAIN:
             return value
@@ -89,45 +89,45 @@ class Codec:
             return ["record", self._known(kind), self._fields(value, _names(kind))]
         if isinstance(value, tuple) and hasattr(kind, "_fields"):
             return ["record", self._known(kind), self._fields(value, kind._fields)]
-        return self._out_many(value)
+        return self._encode_many(value)
 
     def _fields(self, value: object, names: Iterable[str]) -> dict[str, Any]:
         found = {name: getattr(value, name) for name in names}
-        return {name: self._out(one) for name, one in found.items() if not callable(one)}
+        return {name: self._encode(one) for name, one in found.items() if not callable(one)}
 
-    def _out_many(self, value: Any) -> Any:
+    def _encode_many(self, value: Any) -> Any:
         if isinstance(value, Mapping):
-            return ["dict", *([self._out(key), self._out(one)] for key, one in value.items())]
+            return ["dict", *([self._encode(key), self._encode(one)] for key, one in value.items())]
         name = next((name for many, name in _MANY.items() if isinstance(value, many)), None)
         if name is not None:
-            return [name, *(self._out(one) for one in value)]
+            return [name, *(self._encode(one) for one in value)]
         if isinstance(value, Fraction):
             return ["fraction", value.numerator, value.denominator]
         if isinstance(value, datetime):
             return ["time", value.isoformat()]
         if isinstance(value, _PLAIN):  # a subclass, such as of numpy
             return _plain(value)
-        raise NotForCrossing(f"{type(value).__name__} cannot be sent to another process")
+        raise NotSendable(f"{type(value).__name__} cannot be sent to another process")
 
     # -- in --------------------------------------------------------------------------------------------------------------
 
-    def _in(self, given: Any) -> Any:
+    def _decode(self, given: Any) -> Any:
         if not isinstance(given, list):
             return given
         return _READERS[given[0]](self, given[1:])
 
-    def _in_record(self, given: list[Any]) -> Any:
+    def _decode_record(self, given: list[Any]) -> Any:
         name, values = given
-        return self._classes[name](**{key: self._in(value) for key, value in values.items()})
+        return self._classes[name](**{key: self._decode(value) for key, value in values.items()})
 
-    def _in_enum(self, given: list[Any]) -> Any:
+    def _decode_enum(self, given: list[Any]) -> Any:
         name, member = given
         return self._classes[name][member]  # type: ignore[index]  # an Enum, else it raises
 
-    def _in_dict(self, given: list[Any]) -> dict[Any, Any]:
-        return {self._in(key): self._in(value) for key, value in given}
+    def _decode_dict(self, given: list[Any]) -> dict[Any, Any]:
+        return {self._decode(key): self._decode(value) for key, value in given}
 
-    def _in_error(self, given: list[Any]) -> AxisbusError:
+    def _decode_error(self, given: list[Any]) -> AxisbusError:
         return from_fields(msgspec.convert(given[0], ErrorFields))
 
 
@@ -135,14 +135,14 @@ _MANY: dict[type, str] = {tuple: "tuple", list: "list", frozenset: "frozenset", 
 
 
 def _of(kind: Callable[[Iterable[Any]], Any]) -> Callable[[Codec, list[Any]], Any]:
-    return lambda codec, given: kind(map(codec._in, given))
+    return lambda codec, given: kind(map(codec._decode, given))
 
 
 _READERS: dict[str, Callable[[Codec, list[Any]], Any]] = {
-    "record": Codec._in_record,
-    "enum": Codec._in_enum,
-    "dict": Codec._in_dict,
-    "error": Codec._in_error,
+    "record": Codec._decode_record,
+    "enum": Codec._decode_enum,
+    "dict": Codec._decode_dict,
+    "error": Codec._decode_error,
     "tuple": _of(tuple),
     "list": _of(list),
     "frozenset": _of(frozenset),

@@ -13,7 +13,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import MasterDetector
 from axisbus.cia301.nmt import NmtState
-from axisbus.core.master_detection import cast_of
+from axisbus.core.master_detection import expected_masters_of
 from axisbus.drives.foreign_protocols import ForeignProtocols
 from axisbus.eds.model import Eds
 from axisbus.trace import context
@@ -82,7 +82,7 @@ class BusMonitor:
         self.nodes |= {node_id: NodeHeard(node_id, other.name) for node_id, other in found.others.items()}
         self._beats = {part_for(other.protocol).heartbeat(node_id) for node_id, other in found.others.items()}
         self.sync = Beat()
-        self.signs = MasterDetector(cast_of(cell, files))
+        self.signs = MasterDetector(expected_masters_of(cell, files))
         self.frames = 0
         self.unknown = 0
         self.missed = 0  # events that were too many to store

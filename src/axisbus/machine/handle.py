@@ -237,10 +237,10 @@ def _task() -> int:
 async def _await(handle: Handle, waiter: Waiter) -> None:
     import asyncio
 
-    pump = getattr(waiter, "pump", None)
-    if pump is not None:
+    run_cycle = getattr(waiter, "run_cycle", None)
+    if run_cycle is not None:
         while handle.busy:
-            pump()
+            run_cycle()
             await asyncio.sleep(0)
         return
     loop = asyncio.get_running_loop()

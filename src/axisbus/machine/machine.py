@@ -309,12 +309,12 @@ class Machine:
         Raises:
             StateError: the cell runs on hardware, or has no such node.
         """
-        if not isinstance(node_id, int) or node_id not in self._core.stand_ins:
+        if not isinstance(node_id, int) or node_id not in self._core.simulated_nodes:
             raise StateError(
                 f"node {short_repr(node_id)} is not simulated here",
                 remedy='simulated drives exist with interface = "sim"',
             )
-        return self._core.stand_ins[node_id]
+        return self._core.simulated_nodes[node_id]
 
     @property
     def is_simulated(self) -> bool:
@@ -347,7 +347,7 @@ class Machine:
         Raises:
             ScanError: the core is gone.
         """
-        return self.session.has_command
+        return self.session.has_control
 
     def take_control(self) -> None:
         """Take control of the machine from the program that has it, after all moving axes have halted; blocks until that is done.
@@ -360,7 +360,7 @@ class Machine:
             Stopped: this program has been asked to stop.
             ScanError: the core is gone.
         """
-        self.session.take_command()
+        self.session.take_control()
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """Halt the axes that this program has set in motion unless it calls this again within ``seconds``; they stay enabled.
@@ -425,7 +425,7 @@ class Machine:
     @property
     def real_time_status(self) -> str:
         """The real-time status as text: where the core runs, and which real-time functions the operating system permits."""
-        return self._core.degree
+        return self._core.real_time_status
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
@@ -620,7 +620,7 @@ class Machine:
             return
         core.begin(self._joined)
         atexit.register(self._at_exit)
-        EXIT.join(self.session, listen=True, alone=not core.apart)
+        EXIT.join(self.session, listen=True, alone=not core.outlives_program)
         core.await_values()
 
     def _close(self, reason: str) -> list[AxisbusError]:

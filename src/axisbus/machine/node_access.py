@@ -262,10 +262,10 @@ class NodeAccess:
         """
         return [] if self._events is None else self._events.events
 
-    def on_event(self, call: Callable[[NodeEvent], None]) -> None:
-        """Register ``call`` for every further event. It runs in the scan's thread and must not block."""
+    def on_event(self, callback: Callable[[NodeEvent], None]) -> None:
+        """Register ``callback`` for every further event. It runs in the scan's thread and must not block."""
         if self._events is not None:
-            self._events.hear(call)
+            self._events.subscribe(callback)
 
     @property
     def incidents(self) -> tuple[Incident, ...]:

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 from axisbus.cell import reader
 from axisbus.cell.model import CellConfig
 from axisbus.cell.problem import CellProblem, errors
-from axisbus.core.process.launch import Processes, expected, path_of, require_joinable_system, wanted
+from axisbus.core.process.launch import Processes, expected, has_own_process, path_of, require_joinable_system
 from axisbus.errors import StateError
 from axisbus.machine.signal_shutdown import EXIT
 from axisbus.toml.problem import as_exception
@@ -37,7 +37,7 @@ def opened(path: str | Path, beside: bool, shared: bool) -> tuple[CellConfig, Co
     if cell is None:
         raise as_exception(errors(problems))
     cell = cell.beside(beside)
-    if wanted(cell.bus) and not errors(problems):
+    if has_own_process(cell.bus) and not errors(problems):
         return cell, _apart(cell, problems, shared)
     _check(cell, problems)
     if shared:
@@ -71,7 +71,9 @@ def runs(path: str | Path, *, joinable: bool = False) -> bool:
     from axisbus.core.process.listener import is_trusted, machines_of
 
     cell = str(path)
-    return any(is_trusted(each, cell) and (each.door or not joinable) for each in machines_of(cell))
+    return any(
+        is_trusted(each, cell) and (each.accepts_clients or not joinable) for each in machines_of(cell)
+    )
 
 
 def out_of_reach(path: str | Path) -> str:
@@ -80,11 +82,11 @@ def out_of_reach(path: str | Path) -> str:
         return ""
     from axisbus.bus.link import ownership
     from axisbus.bus.link.claims import CellFileId
-    from axisbus.core.process.listener import found_of, why_not
+    from axisbus.core.process.listener import claims_of, why_not_joinable
 
     cell, texts = reader.load(path), list[str]()
-    for claim in found_of(cell):
-        program, why = ownership.described(claim.process), why_not(claim, cell.file)
+    for claim in claims_of(cell):
+        program, why = ownership.described(claim.process), why_not_joinable(claim, cell.file)
         if not claim.cell.match(CellFileId.of(cell.file)):
             user = ownership.user_name(claim.user)
             texts.append(
@@ -110,9 +112,9 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
     clock = VirtualClock()
     with ExitStack() as on_failure:
         on_failure.callback(clock.close)
-        channel, stand_ins, wire = simulated_channel(cell, dictionaries, clock, devices)
-        link = CanLink(cell, dictionaries, channel=channel, stand_ins=stand_ins, wire=wire)
-        core = _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins))
+        channel, simulated_nodes, wire = simulated_channel(cell, dictionaries, clock, devices)
+        link = CanLink(cell, dictionaries, channel=channel, simulated_nodes=simulated_nodes, wire=wire)
+        core = _core(cell, Runtime(link, sorted(cell.nodes), link.simulated_nodes))
         on_failure.pop_all()
     return cell, core
 
@@ -147,7 +149,7 @@ def boot(
                 progress(next(through), len(cell.nodes))
 
     link = CanLink(cell, load_dictionaries(cell), on_program)
-    runtime = Runtime(link, sorted(cell.nodes), link.stand_ins, on_booted)
+    runtime = Runtime(link, sorted(cell.nodes), link.simulated_nodes, on_booted)
     try:
         return [booted.report for booted in runtime.booted.values()]
     finally:
@@ -182,7 +184,7 @@ def _here(cell: CellConfig) -> Core:
     dictionaries = load_dictionaries(cell)
     gc.collect()  # now, because after boot-up the drives and the master monitor each other's heartbeats
     link = CanLink(cell, dictionaries)
-    return _core(cell, Runtime(link, sorted(cell.nodes), link.stand_ins))
+    return _core(cell, Runtime(link, sorted(cell.nodes), link.simulated_nodes))
 
 
 def _core(cell: CellConfig, runtime: Runtime) -> Core:

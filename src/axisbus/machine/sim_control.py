@@ -34,7 +34,7 @@ class SimulationControl:
                 remedy=f"start them: axisbus sim CELL --control {path}",
             ) from error
         self._control = SimulatedDrivesHandle(line)
-        self._stand_ins = self._control.stand_ins(self._control.nodes())
+        self._simulated_nodes = self._control.simulated_nodes(self._control.nodes())
 
     def __enter__(self) -> SimulationControl:
         return self
@@ -47,7 +47,7 @@ class SimulationControl:
     @property
     def nodes(self) -> tuple[int, ...]:
         """The node-IDs of the drives."""
-        return tuple(self._stand_ins)
+        return tuple(self._simulated_nodes)
 
     def simulated_node(self, node_id: int) -> SimulatedNode:
         """Return the simulated drive of a node: its plant, its fault settings, and faults on demand.
@@ -57,12 +57,12 @@ class SimulationControl:
         Raises:
             StateError: there is no such node.
         """
-        if node_id not in self._stand_ins:
+        if node_id not in self._simulated_nodes:
             raise StateError(
                 f"there is no simulated node {node_id}",
                 observed=f"there are {', '.join(map(str, self.nodes))}",
             )
-        return self._stand_ins[node_id]
+        return self._simulated_nodes[node_id]
 
     def close(self) -> None:
         """Disconnect from the drives, which keep running; blocks for at most 2 s. Harmless when repeated."""

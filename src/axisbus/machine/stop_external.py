@@ -33,11 +33,11 @@ from axisbus.core.process.listener import (
     StopAnswer,
     StopRequest,
     ask_to_stop,
-    found_of,
+    claims_of,
     is_trusted,
     machines_of,
     text_of,
-    why_not,
+    why_not_joinable,
 )
 from axisbus.errors import BusError, ScanError, one_line
 from axisbus.link import StopResult
@@ -56,7 +56,7 @@ def stop_cell(cell: CellConfig, report: Callable[[str], None]) -> tuple[list[Sto
     """
     simulated = cell.bus.interface == SIMULATED
     contacted = _contact(
-        cell.file, found_of(cell), StopRequest(), _LONG_TIMEOUT if simulated else _SHORT_TIMEOUT, report
+        cell.file, claims_of(cell), StopRequest(), _LONG_TIMEOUT if simulated else _SHORT_TIMEOUT, report
     )
     if simulated:
         return _answers(cell.axes, contacted) or [
@@ -102,7 +102,7 @@ def _contact(
     """
     contacted: list[tuple[ChannelClaim, StopAnswer | None]] = []
     for claim in found:
-        why, answer = why_not(claim, file), None
+        why, answer = why_not_joinable(claim, file), None
         if why:
             report(f"no stop request was sent: {described(claim.process)} runs the machine {why}")
         else:

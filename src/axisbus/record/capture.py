@@ -16,7 +16,7 @@ from axisbus.record.condition import Condition
 from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import library
 from axisbus.record.output_file import McapFile, Row
-from axisbus.record.triggers import moment_of
+from axisbus.record.triggers import trigger_of
 
 log = logging.getLogger("axisbus")
 _LONGEST = 60.0  # seconds, the longest time before and after the trigger
@@ -46,18 +46,18 @@ class Capture:
                 raise ArgumentError(f"{name}={short_repr(seconds)}: give seconds from 0 to {_LONGEST:g}")
         self._session = machine.session
         self._target = McapFile(machine, path, axes)
-        self._moment = moment_of(when, machine, self._target.forms)
-        self._told = when if isinstance(when, str) else ""
-        self._lead = before
+        self._trigger = trigger_of(when, machine, self._target.forms)
+        self._condition_text = when if isinstance(when, str) else ""
+        self._seconds_before = before
         self._before: deque[Row] = deque(maxlen=int((before + _LATE) / machine.cell.bus.scan_period) + 1)
         self._after: list[Row] = []
-        self._span = after
+        self._seconds_after = after
         self._fired: float | None = None
         self._done = threading.Event()
         self._realtime = realtime
         self._thread: threading.Thread | None = None
         self._claim = threading.Lock()
-        self._looks = False
+        self._observing = False
         self.failed = ""  # the reason if there is no file, for display
 
     def __enter__(self) -> Capture:
@@ -67,8 +67,8 @@ class Capture:
             UserError: the package mcap is not installed.
         """
         library()
-        self._looks = True
-        self._moment.begin()
+        self._observing = True
+        self._trigger.begin()
         self._session.observe(self._observe)
         return self
 
@@ -100,10 +100,10 @@ class Capture:
 
     def close(self) -> None:
         """Stop observing; if the trigger has fired, write the cycles so far. Harmless when repeated. Blocks for at most 5 s."""
-        if self._looks:
-            self._looks = False
+        if self._observing:
+            self._observing = False
             self._session.forget(self._observe)
-            self._moment.end()
+            self._trigger.end()
         if self.fired:
             self._finish()
         if self._thread is not None:
@@ -115,12 +115,12 @@ class Capture:
         row = self._target.pack(now, snapshots)
         if self._fired is not None:
             self._after.append(row)
-            if now - self._fired >= self._span:
+            if now - self._fired >= self._seconds_after:
                 self._finish()
             return
         self._before.append(row)
         try:
-            self._fired = self._moment.seen(now, snapshots)
+            self._fired = self._trigger.seen(now, snapshots)
         except Exception as error:  # noqa: BLE001  # a user's function must not end the scan
             self._give_up(f"its condition failed: {one_line(error)}")
 
@@ -143,7 +143,7 @@ class Capture:
     def _since(self) -> list[Row]:
         """Return the wanted cycles before the trigger, which may have been reported late."""
         assert self._fired is not None
-        begin, rows = self._fired - self._lead - _SAME, list(self._before)
+        begin, rows = self._fired - self._seconds_before - _SAME, list(self._before)
         late = next((n for n, row in enumerate(rows) if self._target.time_of(row) >= begin), len(rows) - 1)
         return rows[late:]
 
@@ -152,8 +152,10 @@ class Capture:
         try:
             self._target.begin(self._target.time_of(rows[0]))
             self._target.write_rows(rows)
-            self._target.note(f"the moment: {self._told}" if self._told else "the moment", self._fired)
-            self._target.write_happenings()
+            self._target.note(
+                f"the moment: {self._condition_text}" if self._condition_text else "the moment", self._fired
+            )
+            self._target.write_events()
             self._target.close()
         except Exception as error:  # noqa: BLE001  # the motion continues after any error
             self._give_up(one_line(error))

@@ -44,7 +44,9 @@ NAMES = tuple(column.name for column in COLUMNS)
 # Twice as fast to encode as a dict; unknown values are omitted, as the schema of the channel requires.
 SampleRow = msgspec.defstruct("SampleRow", [(name, Any, None) for name in NAMES], omit_defaults=True)
 # In these modes the drive follows the target of each cycle; mode numbers of CiA 402, as in samples.
-_LED = frozenset({int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.INTERPOLATED_POSITION)})
+_CYCLIC_POSITION_MODES = frozenset(
+    {int(ModeOfOperation.CYCLIC_SYNC_POSITION), int(ModeOfOperation.INTERPOLATED_POSITION)}
+)
 _OF_RATED = "of rated torque"
 
 
@@ -63,8 +65,8 @@ class AxisForm:
 
     def __post_init__(self) -> None:
         """Compute once what each conversion needs."""
-        told = digits(self.position), digits(self.velocity), digits(1.0 / self.torque)
-        object.__setattr__(self, "_digits", told)
+        decimals = digits(self.position), digits(self.velocity), digits(1.0 / self.torque)
+        object.__setattr__(self, "_digits", decimals)
 
     @classmethod
     def of(cls, parameters: AxisParameters) -> AxisForm:
@@ -87,14 +89,14 @@ class AxisForm:
         position, velocity, torque, target, demand, origin, mode, word, state, power, homed = sample
         factor = self.position
         fine, of_velocity, of_torque = self._digits
-        led = demand if demand is not None else target if mode in _LED else None
+        reference = demand if demand is not None else target if mode in _CYCLIC_POSITION_MODES else None
         return (
             None if position is None else round((position - origin) / factor, fine),
             None if velocity is None else round(velocity / self.velocity, of_velocity),
             None if torque is None else round(torque * self.torque, of_torque),
             None if target is None else round((target - origin) / factor, fine),
             None if demand is None else round((demand - origin) / factor, fine),
-            None if led is None or position is None else round((led - position) / factor, fine),
+            None if reference is None or position is None else round((reference - position) / factor, fine),
             state.value,
             power.value,
             None if mode is None else _short(mode),

@@ -107,9 +107,9 @@ def _worst(
 
 def _at(times: Sequence[float], values: Sequence[float], time: float) -> float:
     """Return a value interpolated between two samples; NaN if it is unknown."""
-    place = bisect_right(times, time)
-    if not 0 < place < len(times):
-        return values[min(place, len(times) - 1)] if times else math.nan
-    before, after = times[place - 1], times[place]
+    index = bisect_right(times, time)
+    if not 0 < index < len(times):
+        return values[min(index, len(times) - 1)] if times else math.nan
+    before, after = times[index - 1], times[index]
     share = (time - before) / (after - before) if after > before else 0.0
-    return values[place - 1] + share * (values[place] - values[place - 1])
+    return values[index - 1] + share * (values[index] - values[index - 1])

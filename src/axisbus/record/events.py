@@ -12,7 +12,7 @@ from axisbus.record.recording_data import RecordedEvent
 from axisbus.session import CommandSeen, MachineSession
 
 
-class OfNode(Protocol):
+class NodeEventAccess(Protocol):
     """Access to a node, such as ``machine.node(1)``."""
 
     @property
@@ -27,7 +27,7 @@ class OfNode(Protocol):
         """Return an incident as lines."""
 
 
-class Telling(Protocol):
+class EventProvider(Protocol):
     """A source of events: a ``Machine``, or its core."""
 
     cell: CellConfig
@@ -40,7 +40,7 @@ class Telling(Protocol):
         """Return direct access to a node."""
 
 
-class Watched(Telling, Protocol):
+class Watched(EventProvider, Protocol):
     """A machine that can be recorded: a ``Machine``."""
 
     @property
@@ -55,18 +55,18 @@ class Watched(Telling, Protocol):
 class RecordingEventSource:
     """Poll a machine; holds the events already returned. Times are those of the monotonic clock, in seconds."""
 
-    def __init__(self, machine: Telling) -> None:
+    def __init__(self, machine: EventProvider) -> None:
         self._machine = machine
-        self._told: set[RecordedEvent] = set()
+        self._reported: set[RecordedEvent] = set()
 
     def take(self, since: float) -> list[RecordedEvent]:
         """Return the new events since ``since`` in the order of time; blocks for some answers."""
-        found = {one for one in self._look() if one.time >= since}
-        new = sorted(found - self._told)
-        self._told = found  # events that the machine has dropped are dropped here
+        found = {one for one in self._events() if one.time >= since}
+        new = sorted(found - self._reported)
+        self._reported = found  # events that the machine has dropped are dropped here
         return new
 
-    def _look(self) -> Iterator[RecordedEvent]:
+    def _events(self) -> Iterator[RecordedEvent]:
         session = self._machine.session
         for command in session.commands:
             yield from _of_command(command)
@@ -87,7 +87,7 @@ def _of_command(seen: CommandSeen) -> Iterator[RecordedEvent]:
         yield RecordedEvent(seen.ended, "command", seen.name, text)
 
 
-def _of_node(node_id: int, node: OfNode) -> Iterator[RecordedEvent]:
+def _of_node(node_id: int, node: NodeEventAccess) -> Iterator[RecordedEvent]:
     where = f"node {node_id}"
     for incident in node.incidents:
         words = [line.split("s  ", 1)[-1] for line in node.format_incident(incident)[1:]]

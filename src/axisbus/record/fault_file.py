@@ -39,12 +39,12 @@ def write(
         name: [form.position, form.velocity, form.torque, dict(form.units)] for name, form in forms.items()
     }
     head = json.dumps({"facts": dict(facts), "axes": axes, "events": list(events)}).encode()
-    beside = path.with_suffix(".new")
+    temporary = path.with_suffix(".new")
     try:
-        beside.write_bytes(MAGIC + head + b"\n" + rows)
-        beside.replace(path)
+        temporary.write_bytes(MAGIC + head + b"\n" + rows)
+        temporary.replace(path)
     finally:
-        beside.unlink(missing_ok=True)  # a full disk must not keep a part of each fault
+        temporary.unlink(missing_ok=True)  # a full disk must not keep a part of each fault
 
 
 def read(path: Path) -> Recorded:

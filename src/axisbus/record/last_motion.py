@@ -20,22 +20,22 @@ from axisbus.motion.numbers import number, short_repr
 from axisbus.motion.snapshot import Snapshot
 from axisbus.motion.states import MOVING
 from axisbus.record.columns import AxisForm, tracks_of
-from axisbus.record.events import RecordingEventSource, Telling
+from axisbus.record.events import EventProvider, RecordingEventSource
 from axisbus.record.plot import plot, png
 from axisbus.record.recording_data import Recorded, RecordedEvent
 from axisbus.record.sample_packing import AxisSample, PackedRows
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
-KEPT = 60.0  # seconds
+HISTORY_SECONDS = 60.0  # seconds
 _BEFORE, _AFTER = 0.2, 0.4  # seconds of standstill that are plotted before and after a motion
-_ON_THEIR_WAY = 2.0  # seconds that the transmission of rows may take on a busy computer
+_ARRIVAL_TIME = 2.0  # seconds that the transmission of rows may take on a busy computer
 
 
 Cycle = tuple[float, list[AxisSample]]
 
 
-class _Span(NamedTuple):
+class _Section(NamedTuple):
     """Begin and end (s), and the axes."""
 
     begin: float
@@ -46,9 +46,9 @@ class _Span(NamedTuple):
 class LastMinute:
     """Hold the last cycles of a machine; new axes start a new minute. One thread adds, any thread may plot."""
 
-    def __init__(self, machine: Telling) -> None:
+    def __init__(self, machine: EventProvider) -> None:
         self._machine = machine
-        self._limit = math.ceil(KEPT / machine.cell.bus.scan_period)
+        self._limit = math.ceil(HISTORY_SECONDS / machine.cell.bus.scan_period)
         self._forms: dict[str, AxisForm] = {}
         self._rows = PackedRows(0, self._limit)
         self._seen = -math.inf
@@ -59,12 +59,12 @@ class LastMinute:
 
     def _observe(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         try:
-            self._keep(now, snapshots)
+            self._add(now, snapshots)
         except Exception as error:  # noqa: BLE001  # the scan continues without this recording
             self._machine.session.forget(self._observe)
             log.warning("the last motion is not kept any more: %s", one_line(error))
 
-    def _keep(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
+    def _add(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         if len(snapshots) != len(self._forms):
             facts = self._machine.session.axes
             self._forms = {name: AxisForm.of(facts[name].parameters) for name in snapshots if name in facts}
@@ -77,14 +77,16 @@ class LastMinute:
         self._await_newest()
         forms, cycles = self._forms, list(self._rows)
         names = list(forms)
-        span = _last_seconds(cycles, names, seconds) if seconds is not None else _last_motion(cycles, names)
-        if span is None:
+        section = (
+            _last_seconds(cycles, names, seconds) if seconds is not None else _last_motion(cycles, names)
+        )
+        if section is None:
             raise StateError(
-                f"no axis has moved in the last {KEPT:g} s of this machine; older cycles are not stored",
+                f"no axis has moved in the last {HISTORY_SECONDS:g} s of this machine; older cycles are not stored",
                 remedy="call it soon after the motion; with seconds=... it also draws axes at rest",
             )
-        chosen = span.axes if axes is None else self._chosen(axes, forms)
-        shown = [(now, samples) for now, samples in cycles if span.begin <= now <= span.end]
+        chosen = section.axes if axes is None else self._chosen(axes, forms)
+        shown = [(now, samples) for now, samples in cycles if section.begin <= now <= section.end]
         recorded = self._recorded(forms, shown, chosen)
         title = _title(recorded) if seconds is None else f"the last {recorded.seconds:.1f} s"
         return RecordingPlot(recorded, title)
@@ -93,7 +95,7 @@ class LastMinute:
         """Wait for the row of the newest cycle that the program has seen: rows arrive in groups."""
         session = self._machine.session
         newest = max((snapshot.now for snapshot in session.snapshots.values()), default=0.0)
-        until = time.monotonic() + _ON_THEIR_WAY
+        until = time.monotonic() + _ARRIVAL_TIME
         while self._seen < newest and not session.ended and time.monotonic() < until:
             time.sleep(0.005)
 
@@ -110,10 +112,10 @@ class LastMinute:
         began = cycles[0][0]
         times = [round(now - began, 6) for now, _ in cycles]
         tracks = {name: track for name, track in tracks_of(forms, times, cycles).items() if name in chosen}
-        events = [event._replace(time=event.time - began) for event in self._happenings(began)]
+        events = [event._replace(time=event.time - began) for event in self._recorded_events(began)]
         return Recorded(tracks, {}, [event for event in events if event.time <= times[-1]])
 
-    def _happenings(self, since: float) -> list[RecordedEvent]:
+    def _recorded_events(self, since: float) -> list[RecordedEvent]:
         """Return the events; empty if the core is gone."""
         try:
             return RecordingEventSource(self._machine).take(since)
@@ -121,18 +123,18 @@ class LastMinute:
             return []
 
 
-def _last_seconds(cycles: list[Cycle], names: list[str], seconds: float) -> _Span | None:
-    span = number(seconds)
-    if span is None or span <= 0.0:
+def _last_seconds(cycles: list[Cycle], names: list[str], seconds: float) -> _Section | None:
+    section = number(seconds)
+    if section is None or section <= 0.0:
         raise ArgumentError(f"seconds={short_repr(seconds)}: give seconds above 0, or leave it out")
     if not cycles:
         return None
     end = cycles[-1][0]
-    moved = {at for now, samples in cycles if now >= end - span for at in _moving(samples)}
-    return _Span(end - span, end, [name for at, name in enumerate(names) if at in moved] or names)
+    moved = {at for now, samples in cycles if now >= end - section for at in _moving(samples)}
+    return _Section(end - section, end, [name for at, name in enumerate(names) if at in moved] or names)
 
 
-def _last_motion(cycles: list[Cycle], names: list[str]) -> _Span | None:
+def _last_motion(cycles: list[Cycle], names: list[str]) -> _Section | None:
     """Search backwards from the newest cycle while an axis moves, and a little farther while none does."""
     at = len(cycles) - 1
     while at >= 0 and not _moving(cycles[at][1]):
@@ -147,7 +149,7 @@ def _last_motion(cycles: list[Cycle], names: list[str]) -> _Span | None:
     first = cycles[at + 1][0]
     while at > 0 and first - cycles[at][0] < _BEFORE and not _moving(cycles[at - 1][1]):
         at -= 1
-    return _Span(cycles[max(at, 0)][0], end, [name for place, name in enumerate(names) if place in moved])
+    return _Section(cycles[max(at, 0)][0], end, [name for place, name in enumerate(names) if place in moved])
 
 
 def _moving(samples: list[AxisSample]) -> list[int]:

@@ -34,7 +34,7 @@ _EVENT_SCHEMA = {
 }
 
 
-class ToldObject(NamedTuple):
+class ObjectDescription(NamedTuple):
     """The description of an object: its name, how its values are obtained, and their JSON type."""
 
     name: str
@@ -110,7 +110,7 @@ class McapWriter:
         topic = f"axis/{name}"
         return self._register(topic, self._schema(f"axisbus/{topic}", schema), {})
 
-    def objects(self, wanted: Mapping[str, ToldObject]) -> dict[str, int]:
+    def objects(self, wanted: Mapping[str, ObjectDescription]) -> dict[str, int]:
         """Create the channels of objects, and return their numbers by label."""
         kinds = sorted({one.json_type for one in wanted.values()})
         schemas = {kind: self._schema(f"axisbus/object/{kind}", _object_schema(kind)) for kind in kinds}
@@ -127,10 +127,10 @@ class McapWriter:
         count = self._counts[channel] = self._counts.get(channel, 0) + 1
         self._writer.add_message(channel, stamp + self._offset, msgspec.json.encode(value), stamp, count)
 
-    def tell(self, happening: RecordedEvent) -> None:
+    def write_event(self, event: RecordedEvent) -> None:
         """Write an event; its time is that of the monotonic clock."""
-        values = {"where": happening.where, "text": happening.text}
-        self.write(self._channels[f"events/{happening.sort}"], happening.time, values)
+        values = {"where": event.where, "text": event.text}
+        self.write(self._channels[f"events/{event.sort}"], event.time, values)
 
     def close(self) -> None:
         """Write the summary, and close the file."""

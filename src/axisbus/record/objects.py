@@ -57,7 +57,7 @@ class ObjectReads:
         except SdoError:
             value = None
         self._counts[one.label] += value is not None
-        return one.means(value)
+        return one.to_user(value)
 
     @property
     def reads(self) -> Mapping[str, int]:
@@ -95,7 +95,7 @@ class WantedObject:
             return "number" if carried else "string"
         return "number" if kind.integer or kind in (DataType.REAL32, DataType.REAL64) else "string"
 
-    def means(self, value: Value | None) -> Value | None:
+    def to_user(self, value: Value | None) -> Value | None:
         """Return the meaning of a value of the object: for an input or output, True or False, or a number in its unit."""
         if self.point is None or not isinstance(value, int):
             return value
@@ -116,7 +116,7 @@ def wanted_object(machine: Watched, text: str) -> WantedObject:
             f"{text!r} names no object to record",
             remedy="write it as x:6074, x:6099:01 or 3:1001, or as the name of an input or output",
         )
-    node_id, drive_axis = _place(machine.cell, where)
+    node_id, drive_axis = _node_and_axis(machine.cell, where)
     require_objects(machine.cell, node_id)
     entry = Dictionary(machine.node(node_id).eds, node_id).resolve(key)
     index = own_index(entry.index, drive_axis)
@@ -135,7 +135,7 @@ def _point(machine: Watched, name: str) -> WantedObject:
     )
 
 
-def _place(cell: CellConfig, where: str) -> tuple[int, int]:
+def _node_and_axis(cell: CellConfig, where: str) -> tuple[int, int]:
     if where in cell.axes and cell.axes[where].virtual:
         raise cell.axes[where].no_drive("no objects")
     if where in cell.axes:
@@ -153,7 +153,7 @@ def _place(cell: CellConfig, where: str) -> tuple[int, int]:
 
 
 _MOST = 100_000  # the most values waiting to be written
-_HELD = 1.0  # seconds that a value waits
+_HOLD_TIME = 1.0  # seconds that a value waits
 
 
 @dataclass(frozen=True, slots=True)
@@ -176,7 +176,7 @@ class MappedSignal:
         raw = int.from_bytes(data, "little") >> shift & ((1 << bits) - 1)
         data_type = self.wanted.data_type
         value = raw if data_type is None else decode(raw.to_bytes((bits + 7) // 8, "little"), data_type)
-        return self.wanted.means(value)
+        return self.wanted.to_user(value)
 
 
 def mapped_signal(machine: Watched, wanted: WantedObject) -> MappedSignal | None:
@@ -189,70 +189,70 @@ class MappedObjects:
     """Extract the values of objects from the frames of the bus; holds those waiting to be written, and their number.
 
     A boot-up in a running machine may map an object to another place. A joined program learns of that a little later than it
-    receives the first frames. So ``look`` finds the places again, and a value waits ``_HELD`` before it is written: values of an
-    object that was mapped again are dropped if they still wait.
+    receives the first frames. So ``locate_again`` finds the places again, and a value waits ``_HOLD_TIME`` before it is written:
+    values of an object that was mapped again are dropped if they still wait.
     """
 
     def __init__(self, session: MachineSession, locate: Callable[[], Sequence[MappedSignal]]) -> None:
         """``locate`` returns the objects that PDOs carry now."""
         self._session = session
         self._locate = locate
-        self.places = tuple(locate())
-        self._by_id = _by_id(self.places)
+        self.signals = tuple(locate())
+        self._by_id = _by_id(self.signals)
         self._values: deque[tuple[str, float, Value]] = deque(maxlen=_MOST)
-        self.counts = {place.label: 0 for place in self.places}
-        self._listens = False
+        self.counts = {signal.label: 0 for signal in self.signals}
+        self._listening = False
 
     def begin(self) -> None:
         """Start listening."""
-        self._listens = True
+        self._listening = True
         if self._by_id:
-            self._session.tap(self._hear, self._by_id)
+            self._session.tap(self._on_frames, self._by_id)
 
     def end(self) -> None:
         """Stop listening."""
-        self._listens = False
+        self._listening = False
         if self._by_id:
-            self._session.untap(self._hear)
+            self._session.untap(self._on_frames)
 
-    def look(self) -> list[str]:
+    def locate_again(self) -> list[str]:
         """Find the places again; return the objects that have another one. For the thread that writes."""
-        places = tuple(self._locate())
-        if places == self.places:
+        signals = tuple(self._locate())
+        if signals == self.signals:
             return []
-        before = {place.label: place.carried for place in self.places}
-        now = {place.label: place.carried for place in places}
+        before = {signal.label: signal.carried for signal in self.signals}
+        now = {signal.label: signal.carried for signal in signals}
         moved = [label for label in before if now.get(label) != before[label]]
-        listens = self._listens
-        if listens:
+        listening = self._listening
+        if listening:
             self.end()
-        self.places, self._by_id = places, _by_id(places)
+        self.signals, self._by_id = signals, _by_id(signals)
         for _ in range(len(self._values)):
             value = self._values.popleft()
             if value[0] not in moved:
                 self._values.append(value)
         self.counts = {**dict.fromkeys(now, 0), **self.counts}
-        if listens:
+        if listening:
             self.begin()
         return moved
 
     def write(self, write: Callable[[str, float, Value | None], None], until: float = math.inf) -> None:
-        """Call ``write(label, time, value)`` for every waiting value that came ``_HELD`` before ``until``."""
-        while self._values and self._values[0][1] <= until - _HELD:
+        """Call ``write(label, time, value)`` for every waiting value that came ``_HOLD_TIME`` before ``until``."""
+        while self._values and self._values[0][1] <= until - _HOLD_TIME:
             label, now, value = self._values.popleft()
             write(label, now, value)
             self.counts[label] += 1
 
-    def _hear(self, frames: Sequence[CanFrame]) -> None:
+    def _on_frames(self, frames: Sequence[CanFrame]) -> None:
         for frame in frames:
-            for place in () if frame.remote else self._by_id.get(frame.can_id, ()):
-                value = place.value(frame.data)
+            for signal in () if frame.remote else self._by_id.get(frame.can_id, ()):
+                value = signal.value(frame.data)
                 if value is not None:
-                    self._values.append((place.label, frame.time, value))
+                    self._values.append((signal.label, frame.time, value))
 
 
-def _by_id(places: Sequence[MappedSignal]) -> dict[int, list[MappedSignal]]:
+def _by_id(signals: Sequence[MappedSignal]) -> dict[int, list[MappedSignal]]:
     found: dict[int, list[MappedSignal]] = {}
-    for place in places:
-        found.setdefault(place.carried.can_id, []).append(place)
+    for signal in signals:
+        found.setdefault(signal.carried.can_id, []).append(signal)
     return found

@@ -18,7 +18,7 @@ from axisbus.motion.numbers import short_repr
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.columns import AxisForm, SampleRow
 from axisbus.record.events import RecordingEventSource, Watched
-from axisbus.record.mcap_writer import McapWriter, ToldObject
+from axisbus.record.mcap_writer import McapWriter, ObjectDescription
 from axisbus.record.recording_data import RecordedEvent
 from axisbus.record.sample_packing import AxisSample, RowForm, sample_of
 
@@ -45,8 +45,10 @@ class McapFile:
         there = machine.session.axes
         self.forms = {name: AxisForm.of(there[name].parameters) for name in _chosen(axes, there, machine)}
         self._row = RowForm(len(self.forms))
-        self._facts = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.real_time_status)
-        self._happenings = RecordingEventSource(machine)
+        self._facts = facts_of(
+            machine.cell, simulated=machine.is_simulated, real_time_status=machine.real_time_status
+        )
+        self._event_source = RecordingEventSource(machine)
         self._writer: McapWriter | None = None
         self._axes: dict[str, int] = {}
         self._objects: dict[str, int] = {}
@@ -73,7 +75,7 @@ class McapFile:
         """Return the time of a packed cycle, in seconds of the monotonic clock."""
         return self._unpacked(row)[0]
 
-    def begin(self, began: float, objects: Mapping[str, ToldObject] | None = None) -> None:
+    def begin(self, began: float, objects: Mapping[str, ObjectDescription] | None = None) -> None:
         """Open the file, which is replaced; ``began``: its start time (s, monotonic).
 
         ``objects``: the description of each object, by label.
@@ -91,7 +93,7 @@ class McapFile:
                 f"{self.path} cannot be written", observed=one_line(error), remedy="give another path"
             ) from error
 
-    def _begin(self, objects: Mapping[str, ToldObject]) -> None:
+    def _begin(self, objects: Mapping[str, ObjectDescription]) -> None:
         self._writer = writer = McapWriter(self.path, self._facts, self.began, self._second())
         self._attach(writer)
         self._axes = {name: writer.axis(name, form.schema(name)) for name, form in self.forms.items()}
@@ -118,20 +120,20 @@ class McapFile:
         plain = value.hex() if isinstance(value, bytes) else value
         self._writer.write(self._objects[label], now, {} if plain is None else {"value": plain})
 
-    def write_happenings(self) -> None:
+    def write_events(self) -> None:
         """Write the events since the begin or the last call; blocks for some answers of the core."""
         assert self._writer is not None
         try:
-            found = self._happenings.take(self.began)
+            found = self._event_source.take(self.began)
         except (AxisbusError, ExceptionGroup):  # the core is gone: its last events are already written
             return
-        for happening in found:
-            self._writer.tell(happening)
+        for event in found:
+            self._writer.write_event(event)
 
     def note(self, text: str, time: float | None = None) -> None:
         """Write a remark about the recording itself, at ``time`` (s, monotonic) or at its newest cycle."""
         assert self._writer is not None
-        self._writer.tell(RecordedEvent(self.newest if time is None else time, "recording", "", text))
+        self._writer.write_event(RecordedEvent(self.newest if time is None else time, "recording", "", text))
 
     def close(self) -> None:
         """Write the summary, and close the file."""
@@ -162,14 +164,14 @@ class McapFile:
         return max(4096, int(_SAMPLE * max(1, len(self.forms)) / self._machine.cell.bus.scan_period))
 
 
-def facts_of(cell: CellConfig, *, simulated: bool, degree: str) -> dict[str, str]:
-    """Return the facts about a whole recording; ``degree`` as ``Machine.real_time_status``."""
+def facts_of(cell: CellConfig, *, simulated: bool, real_time_status: str) -> dict[str, str]:
+    """Return the facts about a whole recording; ``real_time_status`` as ``Machine.real_time_status``."""
     real = f"{cell.bus.interface} {cell.bus.channel or ''}".strip()
     return {
         "cell": str(cell.file),
         "scan_period_s": repr(cell.bus.scan_period),
         "drives": "simulated" if simulated else real,
-        "degree": degree,
+        "degree": real_time_status,
     }
 
 

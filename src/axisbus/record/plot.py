@@ -136,7 +136,7 @@ class _Figure:
         times = [time for track in self._tracks for time in (track.times[0], track.times[-1])]
         self._span = min(times), max(max(times), min(times) + 1e-3)
         self._flags = flags(shown.events, *self._span)
-        self._words = lines(self._flags)
+        self._lines = lines(self._flags)
         self._panels = [_panels_of(track) for track in self._tracks]
         self._states = {state for track in self._tracks for state in track.columns["state"]}
         self._height = self._needed(bool(title) + bool(shown.lacks))
@@ -151,8 +151,8 @@ class _Figure:
         axes = sum(
             _BAND + _GAP + sum(panel.height + _GAP for panel in panels) + _BETWEEN for panels in self._panels
         )
-        words = _LINE * (len(self._words) + 1) if self._words else 0.0
-        return 0.2 + 0.26 * heads + (_FLAGS if self._flags else 0.0) + axes + 0.5 + words
+        texts = _LINE * (len(self._lines) + 1) if self._lines else 0.0
+        return 0.2 + 0.26 * heads + (_FLAGS if self._flags else 0.0) + axes + 0.5 + texts
 
     def drawn(self) -> Any:
         """Draw everything and return the figure."""
@@ -163,7 +163,7 @@ class _Figure:
         self._top += 0.02
         self._legend()
         self._top += 0.42
-        for line in self._words:
+        for line in self._lines:
             self._text(line, 7.5, "#222222", mono=True)
             self._top += _LINE
         return self._figure
@@ -242,9 +242,9 @@ def _panels_of(track: RecordedSeries) -> list[_Panel]:
 def _draw_panel(axes: Any, panel: _Panel, track: RecordedSeries, colour: str) -> None:
     name = panel.columns[-1]
     if name == "position":
-        led, label = _led(track)
+        commanded, label = _commanded(track)
         axes.step(
-            *_thinned(track.times, led),
+            *_thinned(track.times, commanded),
             where="post",
             color=_COMMANDED,
             linewidth=0.9,
@@ -266,7 +266,7 @@ def _draw_panel(axes: Any, panel: _Panel, track: RecordedSeries, colour: str) ->
     axes.yaxis.set_label_coords(-0.055, 0.5)
 
 
-def _led(track: RecordedSeries) -> tuple[Sequence[float], str]:
+def _commanded(track: RecordedSeries) -> tuple[Sequence[float], str]:
     """Return the commanded values of the axis, and their label: the drive's own demand, if it reports one."""
     demand = track.columns["demand"]
     if any(not math.isnan(value) for value in demand):
@@ -325,7 +325,7 @@ def _thinned(times: Sequence[float], values: Sequence[float]) -> tuple[Sequence[
 _NEAR = 0.012  # fraction of the shown time: closer flags are merged
 _MOST = 28  # the most lines of text
 _ANNOTATIONS_WIDTH = 150  # characters of a line
-_UNTOLD = ("done", "given")
+_HIDDEN_TEXTS = ("done", "given")
 
 
 class Flag(NamedTuple):
@@ -333,47 +333,47 @@ class Flag(NamedTuple):
 
     number: int
     time: float
-    words: list[str]
+    texts: list[str]
 
 
 def flags(events: Sequence[RecordedEvent], begin: float, end: float) -> list[Flag]:
     """Return the flags for the events between two times."""
     found: list[Flag] = []
-    for time, words in _told(sorted(events)):
+    for time, texts in _event_texts(sorted(events)):
         if not begin <= time <= end:
             continue
         if found and time - found[-1].time < _NEAR * (end - begin):
-            found[-1].words.extend(words)
+            found[-1].texts.extend(texts)
         else:
-            found.append(Flag(len(found) + 1, time, words))
+            found.append(Flag(len(found) + 1, time, texts))
     return found
 
 
 def lines(found: Sequence[Flag]) -> list[str]:
     """Return the texts of flags, one line each; if there are too many, the last ones are only counted."""
-    told: list[str] = []
+    texts: list[str] = []
     for flag in found:
         head = f"{flag.number:>3}  {flag.time:8.3f} s  "
-        for text in flag.words:
-            told.append(head + textwrap.shorten(text, _ANNOTATIONS_WIDTH, placeholder=" …"))
+        for text in flag.texts:
+            texts.append(head + textwrap.shorten(text, _ANNOTATIONS_WIDTH, placeholder=" …"))
             head = " " * len(head)
-    more = len(told) - _MOST
-    return told if more <= 0 else [*told[:_MOST], f"     and {counted(more, 'more line')}"]
+    more = len(texts) - _MOST
+    return texts if more <= 0 else [*texts[:_MOST], f"     and {counted(more, 'more line')}"]
 
 
-def _told(events: Sequence[RecordedEvent]) -> Iterator[tuple[float, list[str]]]:
+def _event_texts(events: Sequence[RecordedEvent]) -> Iterator[tuple[float, list[str]]]:
     """Yield times with texts: a command when it is given, and its end only if it was not the normal one."""
-    together: list[str] = []
+    commands: list[str] = []
     since = 0.0
     for event in events:
         given = event.sort == "command" and event.text == "given"
-        if together and not (given and event.time - since < 0.05):
-            yield since, [", ".join(together)]
-            together = []
+        if commands and not (given and event.time - since < 0.05):
+            yield since, [", ".join(commands)]
+            commands = []
         if given:
-            since = since if together else event.time
-            together.append(event.where)
-        elif event.text not in _UNTOLD:
+            since = since if commands else event.time
+            commands.append(event.where)
+        elif event.text not in _HIDDEN_TEXTS:
             yield event.time, [f"{event.where}: {event.text}" if event.where else event.text]
-    if together:
-        yield since, [", ".join(together)]
+    if commands:
+        yield since, [", ".join(commands)]

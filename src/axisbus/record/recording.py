@@ -21,7 +21,7 @@ from axisbus.clock import REAL, Clock
 from axisbus.errors import one_line
 from axisbus.motion.snapshot import Snapshot
 from axisbus.record.events import Watched
-from axisbus.record.mcap_writer import ToldObject
+from axisbus.record.mcap_writer import ObjectDescription
 from axisbus.record.objects import (
     MappedObjects,
     MappedSignal,
@@ -35,9 +35,9 @@ from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
 _ROUND = 0.5  # seconds between two checks for rows
-_LOOK = 1.0  # seconds between two checks for events
+_EVENT_PERIOD = 1.0  # seconds between two checks for events
 _MOST = 15_000  # the most waiting rows: a minute at 4 ms
-_ON_THEIR_WAY = 0.2  # seconds that the transmission of rows may take
+_ARRIVAL_TIME = 0.2  # seconds that the transmission of rows may take
 _PATIENCE = 5.0  # seconds for which ``close`` waits for a slow disk
 
 
@@ -60,12 +60,12 @@ class Recording:
         wanted = [wanted_object(machine, text) for text in texts_of("objects", objects)]
         has_frames = self._session.carried is not None
         self._mapped = MappedObjects(
-            self._session, (lambda: _places(machine, wanted)) if has_frames else list
+            self._session, (lambda: _mapped_signals(machine, wanted)) if has_frames else list
         )
-        carried = {place.label: place.carried.pdo for place in self._mapped.places}
+        carried = {signal.label: signal.carried.pdo for signal in self._mapped.signals}
         self._objects = ObjectReads(machine, [one for one in wanted if one.label not in carried], clock)
-        self._told = {
-            one.label: ToldObject(
+        self._descriptions = {
+            one.label: ObjectDescription(
                 one.name,
                 carried.get(one.label, "by SDO, in turn"),
                 one.json_type(carried=one.label in carried),
@@ -74,10 +74,10 @@ class Recording:
         }
         self._rows: deque[Row] = deque()
         self._clock = clock
-        self._lost = self._told_lost = 0
+        self._lost = self._reported_lost = 0
         self._over = clock.event()
         self._thread = clock.thread(self._run, "recording")
-        self._looked = self._due = self._seen = 0.0
+        self._last_events = self._due = self._seen = 0.0
         self._ended = False
         self.failed = ""  # why writing has ended, for people
 
@@ -90,8 +90,8 @@ class Recording:
             UserError: the package mcap is not installed, or the file cannot be written.
         """
         snapshots = self._session.snapshots.values()
-        self._looked = max((snapshot.now for snapshot in snapshots), default=self._clock.now())
-        self._target.begin(self._looked, self._told)
+        self._last_events = max((snapshot.now for snapshot in snapshots), default=self._clock.now())
+        self._target.begin(self._last_events, self._descriptions)
         self._session.observe(self._observe)
         self._mapped.begin()
         self._thread.start()
@@ -120,7 +120,7 @@ class Recording:
     def _await_newest(self) -> None:
         """Wait for the row of the newest cycle that the program has seen: rows arrive in groups."""
         newest = max((snapshot.now for snapshot in self._session.snapshots.values()), default=0.0)
-        until = self._clock.now() + _ON_THEIR_WAY
+        until = self._clock.now() + _ARRIVAL_TIME
         while self._clock.realtime and self._seen < newest and self._clock.now() < until:
             self._clock.sleep(0.005)
 
@@ -186,8 +186,8 @@ class Recording:
         if now >= self._due:
             self._due = now + _ROUND
             self._write_rows(now)
-        if self._target.newest - self._looked >= _LOOK:
-            self._write_happenings()
+        if self._target.newest - self._last_events >= _EVENT_PERIOD:
+            self._write_events()
 
     def _finish(self) -> None:
         self._guarded(self._write_all)
@@ -207,24 +207,24 @@ class Recording:
 
     def _write_all(self) -> None:
         self._write_rows(math.inf)
-        self._write_happenings()
+        self._write_events()
 
     def _write_rows(self, until: float) -> None:
         self._target.write_rows([self._rows.popleft() for _ in range(len(self._rows))])
-        for label in self._mapped.look():
+        for label in self._mapped.locate_again():
             self._target.note(f"{label}: its node was booted again, and maps it to another place")
         self._mapped.write(self._target.write_object, until)
-        if self._lost > self._told_lost:
-            lost = counted(self._lost - self._told_lost, "cycle is missing", "cycles are missing")
+        if self._lost > self._reported_lost:
+            lost = counted(self._lost - self._reported_lost, "cycle is missing", "cycles are missing")
             self._target.note(f"{lost}: not read in time")
-            self._told_lost = self._lost
+            self._reported_lost = self._lost
 
-    def _write_happenings(self) -> None:
-        self._looked = self._target.newest
-        self._target.write_happenings()
+    def _write_events(self) -> None:
+        self._last_events = self._target.newest
+        self._target.write_events()
 
 
-def _places(machine: Watched, wanted: Iterable[WantedObject]) -> list[MappedSignal]:
+def _mapped_signals(machine: Watched, wanted: Iterable[WantedObject]) -> list[MappedSignal]:
     """Return the locations of the objects that PDOs carry."""
     found = [mapped_signal(machine, one) for one in wanted]
     return [signal for signal in found if signal is not None]

@@ -73,13 +73,11 @@ class PackedRows:
 
     def append(self, now: float, snapshots: Sequence[Snapshot]) -> None:
         """Store a row; drop the oldest block if there are too many."""
-        block, place = divmod(self._end, BLOCK)
-        if not place:
+        block, row = divmod(self._end, BLOCK)
+        if not row:
             self._blocks[block] = bytearray(BLOCK * self._size)
             self._blocks.pop(block - self._most, None)
-        self._form.struct.pack_into(
-            self._blocks[block], place * self._size, *self._form.values(now, snapshots)
-        )
+        self._form.struct.pack_into(self._blocks[block], row * self._size, *self._form.values(now, snapshots))
         self._end += 1
 
     def __iter__(self) -> Iterator[tuple[float, list[AxisSample]]]:

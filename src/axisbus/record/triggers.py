@@ -39,7 +39,7 @@ class RecordingTrigger:
         raise NotImplementedError
 
 
-def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisForm]) -> RecordingTrigger:
+def trigger_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisForm]) -> RecordingTrigger:
     """Return the trigger for ``when``; ``forms``: those of the observed axes.
 
     Raises:
@@ -55,7 +55,7 @@ def moment_of(when: str | Condition, machine: Watched, forms: Mapping[str, AxisF
         )
     text = when.strip()
     if probe := _PROBE.fullmatch(text):
-        return ProbeMoment(_axis(text, probe["axis"], forms))
+        return ProbeTrigger(_axis(text, probe["axis"], forms))
     found = _IO.fullmatch(text)
     if found is None:
         return Trigger(text, forms)
@@ -80,7 +80,7 @@ def _of_io(text: str, found: re.Match[str], machine: Watched) -> RecordingTrigge
     wanted = wanted_object(machine, name)
     assert wanted.point is not None
     met = comparison(text, found, _kind(wanted.point), EXAMPLES)
-    return IoMoment(machine.session, wanted, lambda: mapped_signal(machine, wanted), met)
+    return IoTrigger(machine.session, wanted, lambda: mapped_signal(machine, wanted), met)
 
 
 def _kind(point: IoPoint) -> str:
@@ -146,7 +146,7 @@ def _fault(values: Values) -> bool:
 _MOST = 16  # the most triggers waiting for their cycle: the first one counts
 
 
-class IoMoment(RecordingTrigger):
+class IoTrigger(RecordingTrigger):
     """Hold whether the condition was last true (None: unknown), and the trigger times from frames."""
 
     def __init__(
@@ -160,51 +160,51 @@ class IoMoment(RecordingTrigger):
         self._session = session
         self._wanted = wanted
         self._locate = locate
-        self._place = locate()
+        self._signal = locate()
         self._met = met
         self._before: bool | None = None
         self._found: deque[float] = deque(maxlen=_MOST)
         self._since: float | None = None  # the first cycle: earlier ones are not in the file
-        self._taps = self._place is not None and session.carried is not None
+        self._tapped = self._signal is not None and session.carried is not None
 
     def begin(self) -> None:
         """As ``RecordingTrigger.begin``."""
         self._before = self._now()
-        if self._place is not None and self._taps:
-            self._session.tap(self._hear, (self._place.carried.can_id,))
+        if self._signal is not None and self._tapped:
+            self._session.tap(self._on_frames, (self._signal.carried.can_id,))
 
     def end(self) -> None:
         """As ``RecordingTrigger.end``."""
-        if self._taps:
-            self._taps = False
-            self._session.untap(self._hear)
+        if self._tapped:
+            self._tapped = False
+            self._session.untap(self._on_frames)
 
     def seen(self, now: float, _snapshots: Mapping[str, Snapshot]) -> float | None:
         """As ``RecordingTrigger.seen``: the time of the frame, or of the cycle if there is no frame."""
-        self._look()
+        self._locate_again()
         found = self._now()
         self._since = now if self._since is None else self._since
         while self._found and self._found[0] < self._since:
             self._found.popleft()
         if found is None or self._before is None:
             self._before = found
-        elif not self._taps and self._rises(found):
+        elif not self._tapped and self._rises(found):
             return now
         return self._found.popleft() if self._found and self._found[0] <= now else None
 
-    def _look(self) -> None:
+    def _locate_again(self) -> None:
         """Find the place again: a boot-up in a running machine may change it. The condition must then become false first."""
-        place = self._locate()
-        if place != self._place:
+        signal = self._locate()
+        if signal != self._signal:
             self.end()
-            self._place, self._taps = place, place is not None and self._session.carried is not None
+            self._signal, self._tapped = signal, signal is not None and self._session.carried is not None
             self._found.clear()
             self.begin()
 
-    def _hear(self, frames: Sequence[CanFrame]) -> None:
-        assert self._place is not None
+    def _on_frames(self, frames: Sequence[CanFrame]) -> None:
+        assert self._signal is not None
         for frame in frames:
-            value = None if frame.remote else self._place.value(frame.data)
+            value = None if frame.remote else self._signal.value(frame.data)
             if value is not None and self._rises(self._met(value)):
                 self._found.append(frame.time)
 
@@ -224,7 +224,7 @@ class IoMoment(RecordingTrigger):
 # -- Trigger a capture on an edge latched by a touch probe -------------------------------------------------------------
 
 
-class ProbeMoment(RecordingTrigger):
+class ProbeTrigger(RecordingTrigger):
     """Hold the number of edges that the axis had latched in the previous cycle; counts edges reported to any program."""
 
     def __init__(self, axis: str) -> None:

@@ -75,8 +75,8 @@ class Axis:
     def to_motor(self, target: int) -> float:
         """Return the motor position of a user position (INTEGER32), by the shorter way if the drive's count wraps."""
         base = round(self._sign * self.position + self.offset)
-        way = as_int32(target - base) if self.params.wraps else target - as_int32(base)
-        return self._sign * (base + way - self.offset)
+        distance = as_int32(target - base) if self.params.wraps else target - as_int32(base)
+        return self._sign * (base + distance - self.offset)
 
     def to_user(self, position: float) -> float:
         """Return the user position of a motor position, unwrapped."""
@@ -203,13 +203,13 @@ class Axis:
     # Motion.
 
     @property
-    def standing(self) -> bool:
+    def at_standstill(self) -> bool:
         """Whether demand and motor are at standstill."""
         return self.velocity == 0.0 and -_REST <= self.motor.velocity <= _REST
 
-    def seize(self) -> None:
+    def restart_tracking(self) -> None:
         """Set the demand to the position and velocity of the motor, so that nothing jumps."""
-        self.position = self.motor.seize()
+        self.position = self.motor.restart_tracking()
         self.drift = 0.0
         self.velocity = self.motor.velocity
         self.torque_demand = self.motor.torque
@@ -217,20 +217,20 @@ class Axis:
         self._following_timer = 0.0
 
     def follow(
-        self, position: float, velocity: float, dt: float, ahead: float = 0.0, push: float = 0.0
+        self, position: float, velocity: float, dt: float, feed_forward: float = 0.0, push: float = 0.0
     ) -> None:
         """Move the demand to ``position`` within ``dt``; the motor tracks it.
 
-        ``ahead`` (increments/s) and ``push`` (‰) are added to the outputs of its controllers (60B1h, 60B2h).
+        ``feed_forward`` (increments/s) and ``push`` (‰) are added to the outputs of its controllers (60B1h, 60B2h).
         """
         self.position = position
         self.velocity = velocity
-        self.motor.track(position + self.drift, dt, self._torque_limit, ahead, push)
+        self.motor.track(position + self.drift, dt, self._torque_limit, feed_forward, push)
 
     def ramp_to(self, velocity: float, acceleration: float, deceleration: float, dt: float) -> None:
         """Ramp the demand's velocity towards ``velocity``."""
-        after, way = ramp_velocity(self.velocity, velocity, acceleration, deceleration, dt)
-        self.follow(self.position + way, after, dt)
+        after, distance = ramp_velocity(self.velocity, velocity, acceleration, deceleration, dt)
+        self.follow(self.position + distance, after, dt)
 
     def forget_error(self) -> None:
         """In velocity modes, do not catch up the distance that a motor at its torque limit has missed."""

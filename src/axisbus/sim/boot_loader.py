@@ -1,7 +1,7 @@
 """Boot loader of a simulated node (CiA 302-3): stops, clears, accepts and starts the node's program, and reports the result.
 
 A program of a simulated node begins with its date and time in the format of 1F52h, two 32-bit numbers; the rest is arbitrary,
-except that its last four bytes may have to be a checksum (``ProgramDials.checksum``). A node has a boot loader only if its EDS
+except that its last four bytes may have to be a checksum (``ProgramFaults.checksum``). A node has a boot loader only if its EDS
 contains 1F50h:01 and 1F51h:01. If the supply fails while the memory is being cleared or written, there is no valid program
 afterwards.
 """
@@ -12,7 +12,7 @@ import zlib
 from collections.abc import Callable
 
 from axisbus.sim.dictionary import DEVICE_STATE, INVALID_VALUE, Dictionary, Refused
-from axisbus.sim.fault_injection import ProgramDials
+from axisbus.sim.fault_injection import ProgramFaults
 
 STOPPED, RUNNING, CLEARED = 0, 1, 3  # values read from 1F51h
 _STOP, _START, _RESET, _CLEAR = 0, 1, 2, 3  # values written to 1F51h
@@ -32,7 +32,7 @@ def has_loader(dictionary: Dictionary) -> bool:
 class ProgramLoader:
     """Program of a node (its bytes; None: cleared), the loader's state, and the timers of its memory."""
 
-    def __init__(self, dictionary: Dictionary, dials: ProgramDials, restart: Callable[[], None]) -> None:
+    def __init__(self, dictionary: Dictionary, dials: ProgramFaults, restart: Callable[[], None]) -> None:
         """``restart``: function that restarts the node."""
         self._dials = dials
         self._restart = restart
@@ -40,7 +40,7 @@ class ProgramLoader:
         self.program: bytes | None = b"".join(number.to_bytes(4, "little") for number in first)
         self.state = RUNNING
         self.orders: list[int] = []  # accepted writes to 1F51h
-        self._stays = False  # the next restart ends in the loader, not in the program
+        self._stay_stopped = False  # the next restart ends in the loader, not in the program
         self._error = 0
         self._busy = 0.0
         self._until_restart: float | None = None
@@ -53,8 +53,8 @@ class ProgramLoader:
         }
         dictionary.live |= {key: read for key, read in live.items() if key in dictionary}
         dictionary.check_write(_CONTROL, self._order)
-        dictionary.takers[_DATA] = self._take
-        dictionary.hides = self._hides
+        dictionary.byte_receivers[_DATA] = self._accept_program
+        dictionary.is_hidden = self._is_hidden
 
     @property
     def deaf(self) -> bool:
@@ -75,11 +75,11 @@ class ProgramLoader:
         if self._busy > 0.0 and self.program is not None:
             self._error = _NOTHING_VALID  # the supply failed while it was written
         self._busy, self._until_restart = 0.0, None
-        stays, self._stays = self._stays, False
+        stay_stopped, self._stay_stopped = self._stay_stopped, False
         runs = self.program is not None and not self._error
-        self.state = CLEARED if self.program is None else RUNNING if runs and not stays else STOPPED
+        self.state = CLEARED if self.program is None else RUNNING if runs and not stay_stopped else STOPPED
 
-    def _hides(self, index: int) -> bool:
+    def _is_hidden(self, index: int) -> bool:
         """Whether the node does not have an object now, because the loader runs instead of the program."""
         return self._dials.few_objects and self.state != RUNNING and index not in _OF_LOADER
 
@@ -90,19 +90,19 @@ class ProgramLoader:
         code = self._dials.control_refused.get(order)
         if code is not None:
             raise Refused(code)
-        acts = {_STOP: self._stop, _START: self._start, _RESET: self._start, _CLEAR: self._clear}
-        if order not in acts:
+        actions = {_STOP: self._stop, _START: self._start, _RESET: self._start, _CLEAR: self._clear}
+        if order not in actions:
             raise Refused(INVALID_VALUE)
         if self._busy > 0.0:
             raise Refused(DEVICE_STATE)
-        acts[order]()
+        actions[order]()
         self.orders.append(order)
 
     def _stop(self) -> None:
         if self.state == RUNNING:
             self.state = STOPPED
             if self._dials.stop_restarts:
-                self._stays, self._until_restart = True, self._dials.restart_delay
+                self._stay_stopped, self._until_restart = True, self._dials.restart_delay
 
     def _clear(self) -> None:
         if self.state == RUNNING:
@@ -117,7 +117,7 @@ class ProgramLoader:
             self.state = RUNNING
             self._until_restart = self._dials.restart_delay
 
-    def _take(self, data: bytes) -> None:
+    def _accept_program(self, data: bytes) -> None:
         """Accept a complete program; 1F57h reports its errors."""
         if self._dials.data_refused:
             raise Refused(self._dials.data_refused)

@@ -29,12 +29,12 @@ class CompliantMotor(Motor):
     """A motor on a spring, with the mechanical state of ``Motor``."""
 
     __slots__ = (
+        "_angular_frequency",
         "_cosine",
         "_damper",
+        "_decay_rate",
         "_droop",
-        "_fading",
         "_push",
-        "_ringing",
         "_sine",
         "_spring",
         "_step_dt",
@@ -46,13 +46,13 @@ class CompliantMotor(Motor):
         natural = math.sqrt(self._gain * self._spring)  # rad/s
         damping = min(params.damping, _MOST_DAMPING)
         self._damper = 2.0 * damping * natural / self._gain  # ‰ per increment/s
-        self._fading = damping * natural  # 1/s
-        self._ringing = natural * math.sqrt(1.0 - damping * damping)  # rad/s
+        self._decay_rate = damping * natural  # 1/s
+        self._angular_frequency = natural * math.sqrt(1.0 - damping * damping)  # rad/s
         self._push = 0.0
         self._droop = params.load / self._spring
         self._step_dt = self._cosine = self._sine = 0.0
 
-    def seize(self) -> float:
+    def restart_tracking(self) -> float:
         """Begin with the present torque; a load then lets the motor sag until the spring holds it."""
         self._push = 0.0
         self._demand = self.position + self.torque / self._spring
@@ -60,18 +60,26 @@ class CompliantMotor(Motor):
 
     def rewind(self, velocity: float) -> float:  # noqa: ARG002 - a spring does not trail at constant velocity
         """Limit the deviation to the value that the torque explains; return the matching demand."""
-        return self.seize()
+        return self.restart_tracking()
 
-    def track(self, demand: float, dt: float, limit: float, ahead: float = 0.0, push: float = 0.0) -> None:  # noqa: ARG002
+    def track(
+        self,
+        demand: float,
+        dt: float,
+        limit: float,
+        feed_forward: float = 0.0,  # noqa: ARG002
+        push: float = 0.0,
+    ) -> None:
         """Follow a demand that moves evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
 
-        ``push`` (‰) is added to the torque of the spring. Its damper uses the demand's velocity already: ``ahead`` has no effect.
+        ``push`` (‰) is added to the torque of the spring. Its damper uses the demand's velocity already: ``feed_forward`` has no
+        effect.
         """
         before, self._demand = self._demand, demand
         self._push = push
         self._droop = (self.load - push) / self._spring
         rate = (demand - before) / dt
-        position, velocity = self._swing(before, rate, dt)
+        position, velocity = self._free_oscillation(before, rate, dt)
         torque = push + self._spring * (demand - position) + self._damper * (rate - velocity)
         if (
             -limit <= torque <= limit
@@ -81,40 +89,40 @@ class CompliantMotor(Motor):
         ):
             self.position, self.velocity, self.torque, self.saturated = position, velocity, torque, False
             return
-        self._crawl(before, rate, dt, limit)
+        self._advance_in_small_steps(before, rate, dt, limit)
 
     @property
     def _is_held(self) -> bool:
         return self.blocked or self.brake_closed or (self.sticks > 0.0 and self.velocity == 0.0)
 
-    def _swing(self, before: float, rate: float, dt: float) -> tuple[float, float]:
+    def _free_oscillation(self, before: float, rate: float, dt: float) -> tuple[float, float]:
         """Return position and velocity after ``dt`` of free oscillation about the equilibrium."""
         if dt != self._step_dt:
-            angle, fade = self._ringing * dt, math.exp(-self._fading * dt)
+            angle, fade = self._angular_frequency * dt, math.exp(-self._decay_rate * dt)
             self._step_dt, self._cosine, self._sine = dt, fade * math.cos(angle), fade * math.sin(angle)
         off, drift = before - self._droop - self.position, rate - self.velocity
-        pull = (drift + self._fading * off) / self._ringing
+        pull = (drift + self._decay_rate * off) / self._angular_frequency
         after = off * self._cosine + pull * self._sine
-        slip = (pull * self._ringing - self._fading * off) * self._cosine
-        slip -= (off * self._ringing + self._fading * pull) * self._sine
-        if -_AT_REST < after < _AT_REST and abs(slip) < _AT_REST * self._ringing:
+        slip = (pull * self._angular_frequency - self._decay_rate * off) * self._cosine
+        slip -= (off * self._angular_frequency + self._decay_rate * pull) * self._sine
+        if -_AT_REST < after < _AT_REST and abs(slip) < _AT_REST * self._angular_frequency:
             after = slip = 0.0
         return before + rate * dt - self._droop - after, rate - slip
 
-    def _crawl(self, before: float, rate: float, dt: float, limit: float) -> None:
+    def _advance_in_small_steps(self, before: float, rate: float, dt: float, limit: float) -> None:
         """Advance in small steps, with limited torque, against friction, brake or a block."""
         self.saturated = False
-        steps = math.ceil(dt / min(_LONGEST_STEP, 1.0 / (_STEPS_PER_RADIAN * self._ringing)) - 1e-9)
+        steps = math.ceil(dt / min(_LONGEST_STEP, 1.0 / (_STEPS_PER_RADIAN * self._angular_frequency)) - 1e-9)
         h = dt / max(1, steps)
         for number in range(1, max(1, steps) + 1):
             wanted = self._push + self._spring * (before + rate * h * number - self.position)
             wanted += self._damper * (rate - self.velocity)
             self.torque = max(-limit, min(limit, wanted))
             self.saturated = self.saturated or self.torque != wanted
-            self._yield_to(self.torque - self.load, h)
+            self._advance_small_step(self.torque - self.load, h)
         self._stop_at_ends()
 
-    def _yield_to(self, net: float, h: float) -> None:
+    def _advance_small_step(self, net: float, h: float) -> None:
         """Advance one small step with the torque in excess of the load."""
         holding = self._brake_torque()
         if self.blocked or (self.velocity == 0.0 and abs(net) <= holding + self.sticks):

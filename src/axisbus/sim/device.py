@@ -34,7 +34,7 @@ _MAX_STEP = 0.02
 _SCOPE = {1: (0x0000, 0xFFFF), 2: (0x1000, 0x1FFF), 3: (0x6000, 0x9FFF)}
 _MAKER_SCOPE = (0x2000, 0x5FFF)
 _SERIAL = 0x1018_04
-_OF_SPECIMEN = (
+_SPECIMEN_OBJECTS = (
     0x1018_02,
     0x1018_03,
     _SERIAL,
@@ -66,10 +66,12 @@ class Device:
         self.node_id = node_id
         self.dials = dials or NodeFaults()
         self.dictionary = Dictionary(eds, node_id)
-        self._of_eds = {key: self.dictionary.defaults[key] for key in _OF_SPECIMEN if key in self.dictionary}
+        self._eds_values = {
+            key: self.dictionary.defaults[key] for key in _SPECIMEN_OBJECTS if key in self.dictionary
+        }
         # in place of the values of the EDS
-        self._own: dict[int, Value] = {} if serial is None else {_SERIAL: serial}
-        self._take_own()
+        self._specimen_values: dict[int, Value] = {} if serial is None else {_SERIAL: serial}
+        self._apply_specimen_values()
         self.errors = ErrorHistory(_history_length(self.dictionary))
         self.drives = [
             Drive(
@@ -95,7 +97,9 @@ class Device:
             self.loader = ProgramLoader(self.dictionary, self.dials.program, restart)
         self.nmt = NmtState.INITIALISING
         self.time = 0.0
-        self.ties: list[Callable[[], None]] = []  # called before each step: forces of couplings on its motors
+        self.step_hooks: list[
+            Callable[[], None]
+        ] = []  # called before each step: forces of couplings on its motors
         self.boot_ups = 0  # boot-up messages due since power-on
         self._stored: dict[int, int | float | str | bytes] = {}
         self._restore = False
@@ -130,8 +134,8 @@ class Device:
         if self.dials.unpowered is not self._unpowered:
             self._unpowered = self.dials.unpowered
             self._reset(whole=True)
-        for tie in self.ties:
-            tie()
+        for hook in self.step_hooks:
+            hook()
         if dt > 0.0:
             for drive in self.drives:
                 drive.step(dt)
@@ -172,13 +176,13 @@ class Device:
         and texts that are None are those of the EDS.
         """
         stored = self.node_id if node_id is None else node_id
-        own = zip(_OF_SPECIMEN, (product_code, revision, serial, software_version), strict=True)
-        self._own = self._of_eds | {key: value for key, value in own if value is not None}
+        own = zip(_SPECIMEN_OBJECTS, (product_code, revision, serial, software_version), strict=True)
+        self._specimen_values = self._eds_values | {key: value for key, value in own if value is not None}
         self._stored, self._restore = {}, False
         self.lss.stored = stored
         self.lss.bit_rate = self.lss.pending_bit_rate = 0
         self.dictionary.renumber(self.eds, stored)
-        self._take_own()
+        self._apply_specimen_values()
         self._reset(whole=True)
 
     def read(self, index: int, subindex: int = 0) -> int:
@@ -227,7 +231,7 @@ class Device:
             raise self.dictionary.abort("written" if writing else "read", index, subindex, code)
 
     @property
-    def hears_lss(self) -> bool:
+    def accepts_lss(self) -> bool:
         """Whether it processes LSS requests: always, except while it boots."""
         return self.node_id == NO_NODE_ID or self.nmt is not NmtState.INITIALISING
 
@@ -237,8 +241,8 @@ class Device:
         if self.node_id == NO_NODE_ID and self.lss.ready:
             self._reset(whole=False)
 
-    def _take_own(self) -> None:
-        for key, value in self._own.items():
+    def _apply_specimen_values(self) -> None:
+        for key, value in self._specimen_values.items():
             if key in self.dictionary:
                 self.dictionary.values[key] = self.dictionary.defaults[key] = value
 
@@ -246,7 +250,7 @@ class Device:
         vendor, product, revision, serial = (self.dictionary.get_int(0x1018, part) for part in (1, 2, 3, 4))
         return vendor, product, revision, serial
 
-    def heartbeat_of(self, node: int) -> None:
+    def receive_heartbeat(self, node: int) -> None:
         """Process a heartbeat of another node."""
         if self.consumer.beat(node, self.time):
             self.errors.settle(_COMMUNICATION)
@@ -291,7 +295,7 @@ class Device:
         if node_id != self.node_id:
             self.node_id = node_id
             self.dictionary.renumber(self.eds, node_id)
-            self._take_own()
+            self._apply_specimen_values()
         if self.loader is not None and whole:
             self.loader.restarted()
         self.nmt = NmtState.INITIALISING
@@ -370,8 +374,8 @@ class Device:
             return  # the value after power-up, not a command
         self.dictionary.values[0x1010 << 8 | subindex] = 1
         low, high = _SCOPE.get(subindex, _MAKER_SCOPE)
-        kept = {key: item for key, item in self.dictionary.snapshot().items() if low <= key >> 8 <= high}
-        self._stored |= kept
+        stored = {key: item for key, item in self.dictionary.snapshot().items() if low <= key >> 8 <= high}
+        self._stored |= stored
         if self.dials.reboot_on_store:
             self._reset(whole=True)
 

@@ -61,9 +61,13 @@ class Dictionary:
         self.live: dict[int, Read] = {}
         self.hooks: dict[int, list[Hook]] = {}
         self.checks: dict[int, list[Hook]] = {}
-        self.takers: dict[int, Callable[[bytes], None]] = {}  # they process the written bytes of an entry
-        self.hides: Callable[[int], bool] = lambda _: False  # by index: whether an object does not exist now
-        self.given: set[int] = set()  # entries with a value in the file
+        self.byte_receivers: dict[
+            int, Callable[[bytes], None]
+        ] = {}  # they process the written bytes of an entry
+        self.is_hidden: Callable[[int], bool] = lambda _: (
+            False
+        )  # by index: whether an object does not exist now
+        self.with_default: set[int] = set()  # entries with a value in the file
         self.indices: set[int] = set()
         for item in eds:
             self.indices.add(item.index)
@@ -81,7 +85,7 @@ class Dictionary:
     def give_default(self, index: int, subindex: int, value: int) -> None:
         """Set the default of an existing entry for which the file has none."""
         key = index << 8 | subindex
-        if key in self.entries and key not in self.given:
+        if key in self.entries and key not in self.with_default:
             self.values[key] = self.defaults[key] = value
 
     def on_write(self, key: int, hook: Hook) -> None:
@@ -130,8 +134,8 @@ class Dictionary:
             entry = self._find(index, subindex)
             if not entry.writable:
                 raise Refused(READ_ONLY)
-            if taker := self.takers.get(index << 8 | subindex):
-                return taker(data)
+            if byte_receiver := self.byte_receivers.get(index << 8 | subindex):
+                return byte_receiver(data)
             _check_size(entry, len(data))
             value = decode(data, entry.data_type)
             if isinstance(value, int):
@@ -140,7 +144,7 @@ class Dictionary:
         except Refused as refused:
             raise self.abort("written", index, subindex, refused.code) from None
 
-    def admit(self, index: int, subindex: int) -> None:
+    def require_writable(self, index: int, subindex: int) -> None:
         """Check that an entry may be written, before a segmented transfer.
 
         Raises:
@@ -253,7 +257,7 @@ class Dictionary:
 
     def _find(self, index: int, subindex: int) -> Entry:
         entry = self.entries.get(index << 8 | subindex)
-        if self.hides(index):
+        if self.is_hidden(index):
             raise Refused(NO_OBJECT)
         if entry is None:
             raise Refused(NO_SUBINDEX if index in self.indices else NO_OBJECT)
@@ -276,7 +280,7 @@ class Dictionary:
         self.entries[key] = entry
         value = variable.initial(self.node_id)
         if value is not None:
-            self.given.add(key)
+            self.with_default.add(key)
         self.values[key] = _initial(entry, value)
 
     def _encode(self, entry: Entry, value: Value) -> bytes:
@@ -315,9 +319,9 @@ def _initial(entry: Entry, value: Value | None) -> Value:
     if entry.data_type.integer:
         if not isinstance(value, (int, float)):
             return 0
-        span = 1 << 8 * (entry.size or 1)
-        number = int(value) % span
-        return number - span if entry.signed and number >= span // 2 else number
+        modulus = 1 << 8 * (entry.size or 1)
+        number = int(value) % modulus
+        return number - modulus if entry.signed and number >= modulus // 2 else number
     if value is not None:
         return value
     if entry.data_type in (DataType.REAL32, DataType.REAL64):

@@ -4,8 +4,8 @@ Theory of operation
 -------------------
 ``step(dt)`` does everything: it evaluates the controlword, advances the power stage, follows the mode of operation, moves the
 motor, supervises, and publishes. Nothing else advances time. A port or the object dictionary writes ``controlword``, ``mode`` and
-the targets between steps. A controlword that arrives through the dictionary is evaluated at once (``hear``), so that an edge
-shorter than a step is not lost.
+the targets between steps. A controlword that arrives through the dictionary is evaluated at once (``evaluate_controlword``), so
+that an edge shorter than a step is not lost.
 
 The power stage decides on an *effort* (run the mode, brake on a ramp, off). Only a change of the effort switches the motor on or
 off, makes modes begin or end, and moves the brake.
@@ -25,7 +25,7 @@ from axisbus.sim.motor import MotorParams
 from axisbus.sim.node.history import ErrorHistory
 from axisbus.sim.objects import connect
 from axisbus.sim.power import Effort, PowerStage, Stage
-from axisbus.sim.settings import AXIS_SPAN, Settings, place
+from axisbus.sim.settings import AXIS_SPAN, Settings, object_key
 from axisbus.sim.statusword import compose
 from axisbus.sim.touch_probe import TouchProbe
 
@@ -92,13 +92,13 @@ class Drive:
         self._sync_period = 0.0
         self._has_switches = self.params.limit_switches != (None, None)
         self._has_period = self.dictionary.has(0x60C2 + axis * AXIS_SPAN, 1)
-        self._begin()
+        self._reset_state()
         connect(self)
         self.mode = self.mode_display = self._first_mode()
         self._mode = self._all_modes[self.mode]
         self._publish()
 
-    def _begin(self) -> None:
+    def _reset_state(self) -> None:
         """Set the state after power-up."""
         brake = (self.params.brake_opens, self.params.brake_closes) if self.params.brake else (0.0, 0.0)
         self.power = PowerStage(self.settings, self.dials, brake=brake)
@@ -117,7 +117,7 @@ class Drive:
 
     def restart(self) -> None:
         """Power up again: all state is lost except the motor's position and the dictionary's stored values."""
-        self._begin()
+        self._reset_state()
         self.touch_probe.restart()
         self.axis.offset = 0.0
         self.axis.clamped = self.axis.speed_limited = False
@@ -194,7 +194,7 @@ class Drive:
         self.dictionary.set(0x60C1 + self.axis_number * AXIS_SPAN << 8 | 1, as_int32(value))
 
     def _set_object(self, index: int, value: int) -> None:
-        self.dictionary.set(place(self.dictionary, index + self.axis_number * AXIS_SPAN), value)
+        self.dictionary.set(object_key(self.dictionary, index + self.axis_number * AXIS_SPAN), value)
 
     # Time.
 
@@ -212,9 +212,9 @@ class Drive:
             self._jump_encoder()
         word = self.controlword
         if word != self._word or word & 0x8F != 0x0F or power.stage is not _ENABLED:
-            self._hear(word)
+            self._evaluate_controlword(word)
         if power.pending is not None:
-            power.step(dt, axis.standing)
+            power.step(dt, axis.at_standstill)
             self._apply_effort()
         if dials.spontaneous_mode is not None:
             self._take_mode(dials.spontaneous_mode)
@@ -228,10 +228,10 @@ class Drive:
             self.touch_probe.pass_over(before, axis.motor.position)
         self._publish()
 
-    def hear(self) -> None:
+    def evaluate_controlword(self) -> None:
         """Evaluate the controlword now, as a receive interrupt does; no time passes."""
-        self._hear(self.controlword)
-        self.power.step(0.0, self.axis.standing)
+        self._evaluate_controlword(self.controlword)
+        self.power.step(0.0, self.axis.at_standstill)
         self._apply_effort()
         self._publish()
 
@@ -249,7 +249,7 @@ class Drive:
             return float(settings.interpolation_value * 10.0**settings.interpolation_index)
         return self._sync_period
 
-    def _hear(self, word: int) -> None:
+    def _evaluate_controlword(self, word: int) -> None:
         old = self._word
         if self.dials.local_control:
             self._word = word
@@ -274,7 +274,7 @@ class Drive:
             self._mode.abandon(axis)
             self._release()
         elif old is Effort.OFF:
-            axis.seize()
+            axis.restart_tracking()
             axis.motor.brake_closed = False
             self._brake_timer = 0.0
             self._enabled()
@@ -283,19 +283,19 @@ class Drive:
         elif new is Effort.RUN:
             self._enabled()
         else:
-            self._lead_again()
+            self._restart_demand()
             self._mode.abandon(axis)
 
-    def _lead_again(self) -> None:
+    def _restart_demand(self) -> None:
         """Restart the position demand at the motor's position, after torque, feed-forward, a coasting halt or drift."""
         coasted = self._halted and self.settings.halt_option == 0
-        if self._mode.by_torque or coasted or self.axis.drift or self.axis.motor.ahead:
-            self.axis.seize()
+        if self._mode.by_torque or coasted or self.axis.drift or self.axis.motor.feed_forward:
+            self.axis.restart_tracking()
 
     def _enabled(self) -> None:
         self._enter_mode()
         if self.dials.resumes_on_enable:
-            self._mode.go_on(self.axis)
+            self._mode.resume_last_motion(self.axis)
 
     def _enter_mode(self) -> None:
         self._halted = False
@@ -328,19 +328,19 @@ class Drive:
 
     def _run(self, dt: float) -> None:
         mode = self._mode
-        if self._word & CW_HALT and self._hears_halt(mode):
+        if self._word & CW_HALT and self._obeys_halt(mode):
             self._halted = True
             option = self.settings.halt_option
             effort = _HALT_EFFORT[option] if 0 <= option < len(_HALT_EFFORT) else Effort.SLOW
             mode.halt(self.axis, effort, dt)
             return
         if self._halted:
-            self._lead_again()
+            self._restart_demand()
             self._halted = False
             mode.resume(self.axis)
         mode.step(self.axis, dt)
 
-    def _hears_halt(self, mode: Mode) -> bool:
+    def _obeys_halt(self, mode: Mode) -> bool:
         dials = self.dials
         return not dials.ignore_halt and (dials.halt_in_cyclic_modes or not mode.cyclic)
 
@@ -370,7 +370,9 @@ class Drive:
 
     def _first_mode(self) -> int:
         """Return the mode after power-up: the default of 6060h; a drive without that object always has the same mode."""
-        stored = self.dictionary.values.get(place(self.dictionary, 0x6060 + self.axis_number * AXIS_SPAN))
+        stored = self.dictionary.values.get(
+            object_key(self.dictionary, 0x6060 + self.axis_number * AXIS_SPAN)
+        )
         if stored is None:
             return min(self.modes, default=0)
         mode = as_int8(stored) if isinstance(stored, int) else 0
@@ -391,7 +393,7 @@ class Drive:
     def _take_mode(self, mode: int) -> None:
         if mode == self.mode_display:
             return
-        self._lead_again()
+        self._restart_demand()
         self._mode.abandon(self.axis)
         self.mode_display = mode
         self._mode = self._all_modes[mode]

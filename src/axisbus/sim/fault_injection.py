@@ -102,7 +102,7 @@ class DriveFaults:
 
 
 @dataclass(slots=True)
-class LssDials:
+class LssFaults:
     """Misbehaviour of one node's LSS slave.
 
     absent: the node has no LSS (it ignores LSS requests)
@@ -133,7 +133,7 @@ class LssDials:
 
 
 @dataclass(slots=True)
-class ProgramDials:
+class ProgramFaults:
     """Misbehaviour of one node's boot loader.
 
     control_refused: abort code by the value written to 1F51h (0 stop, 1 start, 2 reset, 3 clear)
@@ -213,10 +213,10 @@ class NodeFaults:
     reboot_time: float = 0.05
     reboot_on_store: bool = False
     start_error: int = 0
-    lss: LssDials = field(default_factory=LssDials)
-    program: ProgramDials = field(default_factory=ProgramDials)
+    lss: LssFaults = field(default_factory=LssFaults)
+    program: ProgramFaults = field(default_factory=ProgramFaults)
 
-    def sdo_loses(self) -> bool:
+    def is_sdo_frame_lost(self) -> bool:
         """Count one SDO frame and return whether it gets lost."""
         self.sdo_frames += 1
         return self.sdo_frames in self.sdo_lost

@@ -13,7 +13,7 @@ from axisbus.sim.device import Device
 
 
 @dataclass(frozen=True, slots=True)
-class Dial:
+class FaultSetting:
     """A fault setting and its value; ``of_axis``: of the axis, else of its node; ``part``: ``lss``, ``program`` or empty."""
 
     name: str
@@ -24,7 +24,7 @@ class Dial:
 
 @dataclass(frozen=True, slots=True)
 class PlannedFault:
-    """A fault by its user-defined name; ``said`` is its description in reports.
+    """A fault by its user-defined name; ``description`` is its description in reports.
 
     ``axis`` counts from 1. ``code``: the drive goes into fault with this code (603Fh) and the manufacturer's bits ``maker_bits``
     (0: no fault). ``restart``: the node restarts, as after a short loss of its supply. ``swap``: another drive of the same type
@@ -32,11 +32,11 @@ class PlannedFault:
     """
 
     name: str
-    said: str
-    moment: Moment
+    description: str
+    timing: FaultTiming
     node: int
     axis: int = 1
-    dials: tuple[Dial, ...] = ()
+    settings: tuple[FaultSetting, ...] = ()
     code: int = 0
     maker_bits: int = 0
     restart: bool = False
@@ -49,9 +49,12 @@ class Plan:
     def __init__(self, faults: Sequence[PlannedFault], devices: Mapping[int, Device]) -> None:
         """``devices`` by their node-ID."""
         self._devices = devices
-        self._cues = [(fault, Cue(fault.moment)) for fault in faults]
+        self._timers = [(fault, FaultTimer(fault.timing)) for fault in faults]
         self._before = {
-            fault.name: [copy.copy(getattr(self._holder(fault, dial), dial.name)) for dial in fault.dials]
+            fault.name: [
+                copy.copy(getattr(self._settings_object(fault, setting), setting.name))
+                for setting in fault.settings
+            ]
             for fault in faults
         }
 
@@ -60,19 +63,19 @@ class Plan:
 
         The caller must hold the lock of the devices. ``values`` are the values that the conditions test.
         """
-        told = []
-        for fault, cue in self._cues:
-            turn = cue.step(now, values)
-            if turn is Turn.BEGINS:
+        reports = []
+        for fault, timer in self._timers:
+            change = timer.step(now, values)
+            if change is FaultChange.BEGINS:
                 self._begin(fault)
-                told.append(f"{fault.name}: {fault.said}")
-            elif turn is Turn.ENDS:
-                self._turn(fault, self._before[fault.name])
-                told.append(f"{fault.name} is over")
-        return told
+                reports.append(f"{fault.name}: {fault.description}")
+            elif change is FaultChange.ENDS:
+                self._set_all(fault, self._before[fault.name])
+                reports.append(f"{fault.name} is over")
+        return reports
 
     def _begin(self, fault: PlannedFault) -> None:
-        self._turn(fault, [dial.value for dial in fault.dials])
+        self._set_all(fault, [setting.value for setting in fault.settings])
         device = self._devices[fault.node]
         if fault.code:
             device.drives[fault.axis - 1].fault(fault.code, maker_bits=fault.maker_bits)
@@ -81,14 +84,14 @@ class Plan:
         if fault.swap is not None:
             device.swap(**fault.swap)
 
-    def _turn(self, fault: PlannedFault, values: Sequence[Any]) -> None:
-        for dial, value in zip(fault.dials, values, strict=True):
-            setattr(self._holder(fault, dial), dial.name, copy.copy(value))
+    def _set_all(self, fault: PlannedFault, values: Sequence[Any]) -> None:
+        for setting, value in zip(fault.settings, values, strict=True):
+            setattr(self._settings_object(fault, setting), setting.name, copy.copy(value))
 
-    def _holder(self, fault: PlannedFault, dial: Dial) -> Any:
+    def _settings_object(self, fault: PlannedFault, setting: FaultSetting) -> Any:
         device = self._devices[fault.node]
-        dials = device.drives[fault.axis - 1].dials if dial.of_axis else device.dials
-        return getattr(dials, dial.part) if dial.part else dials
+        settings = device.drives[fault.axis - 1].dials if setting.of_axis else device.dials
+        return getattr(settings, setting.part) if setting.part else settings
 
 
 # -- Begin and end of a planned fault, by time and by a condition; without access to the devices -----------------------
@@ -98,7 +101,7 @@ Condition = Callable[[Any], bool]
 
 
 @dataclass(frozen=True, slots=True)
-class Moment:
+class FaultTiming:
     """Begin and duration of a fault; times in seconds.
 
     begin: time since the drives started; or ``when``: the fault begins ``after`` s after this condition becomes true. A condition
@@ -112,10 +115,10 @@ class Moment:
     when: Condition | None = None
     after: float = 0.0
     every: float | None = None
-    lasts: float | None = None
+    duration: float | None = None
 
 
-class Turn(Enum):
+class FaultChange(Enum):
     """Result of a step."""
 
     NOTHING = 0
@@ -123,43 +126,43 @@ class Turn(Enum):
     ENDS = 2
 
 
-class Cue:
+class FaultTimer:
     """Timing of one fault: the time of its next begin and of its end."""
 
-    def __init__(self, moment: Moment) -> None:
-        self._moment = moment
-        self._due = moment.begin
-        self._over: float | None = None
+    def __init__(self, timing: FaultTiming) -> None:
+        self._timing = timing
+        self._due = timing.begin
+        self._end: float | None = None
         self._next = 0.0  # earliest time of the next begin
         self._held = True  # whether the condition was true in the previous step
         self._ended = False  # whether it will not begin again
 
-    def step(self, now: float, values: Any) -> Turn:
+    def step(self, now: float, values: Any) -> FaultChange:
         """Return the change due at ``now``; ``values`` are for the condition. At most one change per step."""
         self._watch(now, values)
-        if self._over is not None and now >= self._over:
-            self._over = None
-            return Turn.ENDS
-        if self._due is None or now < self._due or self._over is not None:
-            return Turn.NOTHING
+        if self._end is not None and now >= self._end:
+            self._end = None
+            return FaultChange.ENDS
+        if self._due is None or now < self._due or self._end is not None:
+            return FaultChange.NOTHING
         self._begin(now)
-        return Turn.BEGINS
+        return FaultChange.BEGINS
 
     def _watch(self, now: float, values: Any) -> None:
-        if self._moment.when is None:
+        if self._timing.when is None:
             return
-        holds = bool(self._moment.when(values))
+        holds = bool(self._timing.when(values))
         rises, self._held = holds and not self._held, holds
         if rises and self._due is None and not self._ended and now >= self._next:
-            self._due = now + self._moment.after
+            self._due = now + self._timing.after
 
     def _begin(self, now: float) -> None:
-        moment, due = self._moment, self._due
+        timing, due = self._timing, self._due
         assert due is not None
-        self._over = None if moment.lasts is None else now + moment.lasts
-        self._due, self._ended = None, moment.every is None
-        if moment.every is None:
+        self._end = None if timing.duration is None else now + timing.duration
+        self._due, self._ended = None, timing.every is None
+        if timing.every is None:
             return
-        self._next = now + moment.every
-        if moment.when is None:
-            self._due = max(due + moment.every, now)  # missed begins are skipped
+        self._next = now + timing.every
+        if timing.when is None:
+            self._due = max(due + timing.every, now)  # missed begins are skipped

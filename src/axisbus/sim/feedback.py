@@ -22,7 +22,7 @@ class Feedback:
         self._noise = axis.params.noise
         self._random = random.Random(seed)
         self._frozen: Values | None = None
-        self._kept: deque[tuple[float, Values]] = deque()
+        self._delayed: deque[tuple[float, Values]] = deque()
 
     def measured(self, now: float) -> Values:
         """Return position (of the motor), velocity and torque as reported at ``now``."""
@@ -55,9 +55,9 @@ class Feedback:
 
     def _late(self, now: float, values: Values) -> Values:
         """Store the present values; return those of ``feedback_delay`` ago, or the oldest ones."""
-        kept = self._kept
-        kept.append((now, values))
+        delayed = self._delayed
+        delayed.append((now, values))
         due = now - self._dials.feedback_delay + 1e-9
-        while len(kept) > 1 and kept[1][0] <= due:
-            kept.popleft()
-        return kept[0][1]
+        while len(delayed) > 1 and delayed[1][0] <= due:
+            delayed.popleft()
+        return delayed[0][1]

@@ -44,9 +44,9 @@ class IoModule:
     def fail(self) -> None:
         """Apply an error or NMT *stop*: every output takes its error value if its error mode requires that."""
         for address, word in self.outputs.items():
-            self._dictionary.set(address[0] << 8 | address[1], self.alone(address, word))
+            self._dictionary.set(address[0] << 8 | address[1], self.error_value(address, word))
 
-    def alone(self, address: tuple[int, int], word: int) -> int:
+    def error_value(self, address: tuple[int, int], word: int) -> int:
         """Return the value of an output after an error; ``word`` is its present value."""
         (index, sub), get = address, self._dictionary.get_int
         if index in _BITS:

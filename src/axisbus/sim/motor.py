@@ -74,9 +74,9 @@ class Motor:
         "_low",
         "_tolerance",
         "_viscous",
-        "ahead",
         "blocked",
         "brake_closed",
+        "feed_forward",
         "params",
         "position",
         "pull",
@@ -95,7 +95,7 @@ class Motor:
         self.blocked = False  # the rotor is held mechanically
         self.pull = 0.0  # ‰ of rated torque towards negative positions, beside the load: by coupled motors
         self.sticks = 0.0  # breakaway torque in ‰ of rated torque, in addition to friction
-        self.ahead = 0.0  # velocity feed-forward of the last step
+        self.feed_forward = 0.0  # velocity feed-forward of the last step
         self.saturated = False  # the last step ran at the torque limit
         self._lag = max(params.lag, 1e-5)
         self._gain = params.rated_acceleration / 1000.0  # increments/s² per ‰
@@ -117,40 +117,47 @@ class Motor:
         """Demand of the last ``track`` minus position."""
         return self._demand - self.position
 
-    def seize(self) -> float:
+    def restart_tracking(self) -> float:
         """Begin tracking from the motor's position and velocity; return the matching demand (one lag ahead of it)."""
         self._demand = self.position + self.velocity * self._lag
-        self.ahead = 0.0
+        self.feed_forward = 0.0
         return self._demand
 
     def rewind(self, velocity: float) -> float:
         """Discard the error that a blocked motor has accumulated (a velocity controller has none); return the matching demand."""
         self._demand = self.position + velocity * self._lag
-        self.ahead = 0.0
+        self.feed_forward = 0.0
         return self._demand
 
-    def track(self, demand: float, dt: float, limit: float, ahead: float = 0.0, push: float = 0.0) -> None:  # noqa: ARG002
+    def track(
+        self,
+        demand: float,
+        dt: float,
+        limit: float,
+        feed_forward: float = 0.0,
+        push: float = 0.0,  # noqa: ARG002
+    ) -> None:
         """Follow a demand that moves evenly to ``demand`` within ``dt`` (> 0 s), with at most ``limit`` ‰ of torque.
 
-        ``ahead`` (increments/s) is a velocity feed-forward, for which the controller needs no error. The controller compensates an
-        additional torque (``push``, ‰) at once: it has no effect.
+        ``feed_forward`` (increments/s) is a velocity feed-forward, for which the controller needs no error. The controller
+        compensates an additional torque (``push``, ‰) at once: it has no effect.
         """
         before, self._demand = self._demand, demand
-        led, self.ahead = self.ahead, ahead
+        previous_feed_forward, self.feed_forward = self.feed_forward, feed_forward
         rate = (demand - before) / dt
         if self.sticks > 0.0 and self._stuck(limit):
             return
-        trailing = (rate - ahead) * self._lag
+        trailing = (rate - feed_forward) * self._lag
         if dt != self._decay_dt:
             self._decay_dt, self._decay = dt, math.exp(-dt / self._lag)
         error = trailing + (before - self.position - trailing) * self._decay
-        if rate == ahead == 0.0 and -_AT_REST < error < _AT_REST:
+        if rate == feed_forward == 0.0 and -_AT_REST < error < _AT_REST:
             error = 0.0
-        velocity = error / self._lag + ahead
+        velocity = error / self._lag + feed_forward
         position = demand - error
         torque = self._torque_for((velocity - self.velocity) / dt, velocity)
         misfit = (
-            before - self.position - (self.velocity - led) * self._lag
+            before - self.position - (self.velocity - previous_feed_forward) * self._lag
         )  # 0 unless demand or motor has jumped
         if (
             -limit <= torque <= limit
@@ -177,7 +184,7 @@ class Motor:
         """Apply a torque of ``torque`` ‰ for ``dt`` seconds (0: the motor coasts)."""
         self.torque = torque
         self._demand = self.position
-        self.ahead = 0.0
+        self.feed_forward = 0.0
         self.saturated = False
         if self.blocked:
             self.velocity = 0.0

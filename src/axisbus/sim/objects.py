@@ -9,7 +9,7 @@ from typing import Protocol
 from axisbus.sim.axis import Axis
 from axisbus.sim.control_bits import as_int8, as_int16, as_int32
 from axisbus.sim.dictionary import Dictionary
-from axisbus.sim.settings import AXIS_SPAN, place
+from axisbus.sim.settings import AXIS_SPAN, object_key
 from axisbus.sim.touch_probe import FALLING, RISING, TouchProbe
 
 
@@ -35,7 +35,7 @@ class Drive(Protocol):
     error_code: int
     maker_bits: int
 
-    def hear(self) -> None:
+    def evaluate_controlword(self) -> None:
         """Evaluate the controlword now."""
 
     def write_mode(self, mode: int) -> None:
@@ -82,7 +82,7 @@ MAKER_SHOWN: dict[int, Callable[[Drive], int]] = {
 def _controlword(drive: Drive, value: int) -> None:
     if value & 0xFFFF != drive.controlword:
         drive.controlword = value & 0xFFFF
-        drive.hear()
+        drive.evaluate_controlword()
 
 
 def _mode(drive: Drive, value: int) -> None:
@@ -126,7 +126,7 @@ def connect(drive: Drive) -> None:
         for index, value in MAKER_SHOWN.items():
             _show(drive, index, value)
     for index, (shown, take) in TAKEN.items():
-        key = place(dictionary, index + offset)
+        key = object_key(dictionary, index + offset)
         if index != 0x6040:
             take(drive, dictionary.get_int(key >> 8, key & 0xFF))
         dictionary.on_write(key, partial(take, drive))
@@ -138,4 +138,4 @@ def connect(drive: Drive) -> None:
 
 def _show(drive: Drive, index: int, value: Callable[[Drive], int]) -> None:
     if drive.dictionary.has(index):
-        drive.dictionary.live[place(drive.dictionary, index)] = lambda: value(drive)
+        drive.dictionary.live[object_key(drive.dictionary, index)] = lambda: value(drive)

@@ -116,9 +116,9 @@ class PowerStage:
     """The state and the pending transition."""
 
     __slots__ = (
+        "_automatic",
         "_brake_closes",
         "_brake_opens",
-        "_by_itself",
         "_delays",
         "_dials",
         "_edge",
@@ -156,7 +156,7 @@ class PowerStage:
         self.to_be_sent: dict[int, int] = {}
         self._unsent: dict[int, int] = {}
         self._shown = 0.0  # seconds for which the present state has lasted
-        self._by_itself = False  # transition 12 is pending without a command
+        self._automatic = False  # transition 12 is pending without a command
         self._word = 0
         self._edge = False
         self._ignored_word: int | None = None
@@ -175,26 +175,26 @@ class PowerStage:
         if word != self._word:
             self._ignored_word = None
         self._word = word
-        self._look()
+        self._accept_requested()
 
-    def step(self, dt: float, standing: bool) -> None:
-        """Advance by ``dt`` seconds (>= 0); ``standing``: a braking motor has reached standstill."""
+    def step(self, dt: float, at_standstill: bool) -> None:
+        """Advance by ``dt`` seconds (>= 0); ``at_standstill``: a braking motor has reached standstill."""
         guard = 8  # transitions that follow each other without a delay
         self._shown += dt
         while self.pending is not None and guard:
-            if self.effort > Effort.RUN and not standing and self.pending in _AFTER_STANDSTILL:
+            if self.effort > Effort.RUN and not at_standstill and self.pending in _AFTER_STANDSTILL:
                 return
-            if self._by_itself and not self._was_seen:
+            if self._automatic and not self._was_seen:
                 return
             self._timer -= dt
             dt = 0.0
             if self._timer > 1e-12:
                 return
-            self._take(self.pending)
-            self._look()
+            self._execute(self.pending)
+            self._accept_requested()
             guard -= 1
 
-    def send_no_more(self) -> None:
+    def stop_waiting_for_tpdos(self) -> None:
         """Note that the node sends no TPDOs any more: the drive does not wait for them."""
         self.to_be_sent, self._unsent = {}, {}
 
@@ -217,7 +217,7 @@ class PowerStage:
         self.last_transition = 13
         self.stage = Stage.FAULT_REACTION
         self.effort = by_option(_FAULT, self._options.fault_option) if energised else Effort.OFF
-        self._await(14)
+        self._set_pending(14)
         self._edge = False
 
     def force(self, transition: int) -> None:
@@ -232,7 +232,7 @@ class PowerStage:
         self.stage, self.effort, self.pending = Stage.ENABLED, Effort.RUN, None
         self._word = word
 
-    def _look(self) -> None:
+    def _accept_requested(self) -> None:
         """Accept the transition that the controlword requests now."""
         if self.stage is Stage.FAULT:
             if self._edge and not self._dials.fault_persists:
@@ -269,7 +269,7 @@ class PowerStage:
     def _interrupts(self, wanted: int) -> bool:
         """Whether a command replaces the pending transition: any during a ramp, otherwise only disable voltage and quick stop."""
         if wanted == self.pending:
-            return wanted == 12 and (self.effort > Effort.RUN or self._by_itself)  # it shortens a quick stop
+            return wanted == 12 and (self.effort > Effort.RUN or self._automatic)  # it shortens a quick stop
         return self.pending is None or self.effort > Effort.RUN or wanted in (7, 9, 10, 11, 12)
 
     def _drop_ramp(self) -> None:
@@ -286,11 +286,11 @@ class PowerStage:
             self.effort = Effort.OFF
         elif transition == 16:
             self.effort = Effort.RUN
-        self._await(transition)
+        self._set_pending(transition)
 
-    def _await(self, transition: int) -> None:
+    def _set_pending(self, transition: int) -> None:
         self.pending = transition
-        self._by_itself = False
+        self._automatic = False
         self._timer = self._delay(transition)
 
     def _delay(self, transition: int) -> float:
@@ -302,19 +302,19 @@ class PowerStage:
             time += self._brake_closes
         return time
 
-    def _take(self, transition: int) -> None:
+    def _execute(self, transition: int) -> None:
         self.last_transition = transition
         self.pending = None
         stage = ARROWS[transition][1]
         self.stage = stage
-        self._by_itself = False
+        self._automatic = False
         self._shown, self._unsent = 0.0, dict(self.to_be_sent)
         if stage is Stage.ENABLED:
             self.effort = Effort.RUN
         elif stage is Stage.QUICK_STOP:
             self.effort = by_option(_QUICK_STOP, self._options.quick_stop_option)
             if self._options.quick_stop_option not in _HOLDS:
-                self._await(12)
-                self._by_itself = self.effort is not Effort.OFF  # option 0 removes the power at once
+                self._set_pending(12)
+                self._automatic = self.effort is not Effort.OFF  # option 0 removes the power at once
         else:
             self.effort = Effort.OFF

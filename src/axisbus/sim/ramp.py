@@ -63,7 +63,7 @@ class Profile:
         return self._within(index, time)
 
     @property
-    def joints(self) -> list[float]:
+    def segment_starts(self) -> list[float]:
         """Begin of each segment, in seconds."""
         return [begin for begin, _ in self._base]
 
@@ -97,10 +97,10 @@ def plan_move(
     """
     passing = end_velocity > 0.0 and velocity * (target - start) > 0.0
     rest = start if passing else start + velocity * abs(velocity) / (2.0 * deceleration)
-    way = target - rest
-    if abs(way) < 1e-9:
-        way = velocity  # braking alone ends at the target
-    direction = 1.0 if way >= 0.0 else -1.0
+    distance = target - rest
+    if abs(distance) < 1e-9:
+        distance = velocity  # braking alone ends at the target
+    direction = 1.0 if distance >= 0.0 else -1.0
     pieces = _pieces(
         (target - start) * direction,
         velocity * direction,
@@ -191,15 +191,15 @@ _SAME = 1e-6  # increments, increments/s
 class SoftProfile:
     """An active move; holds its elapsed time, and the previous trapezoid as long as the average includes it."""
 
-    __slots__ = ("_before", "_line", "_raw", "_time", "done", "seconds")
+    __slots__ = ("_before", "_raw", "_start", "_time", "done", "seconds")
 
     def __init__(
-        self, raw: Profile, seconds: float, line: tuple[float, float], before: SoftProfile | None = None
+        self, raw: Profile, seconds: float, start: tuple[float, float], before: SoftProfile | None = None
     ) -> None:
-        """``seconds`` (> 0): averaging time; ``line``: position and velocity at which the trapezoid begins."""
+        """``seconds`` (> 0): averaging time; ``start``: position and velocity at which the trapezoid begins."""
         self._raw = raw
         self.seconds = seconds
-        self._line = line
+        self._start = start
         self._before = before
         self._time = 0.0
         self.done = False
@@ -226,26 +226,32 @@ class SoftProfile:
 
     def _mean(self) -> tuple[float, float]:
         begin, end = self._time - self.seconds, self._time
-        joints = sorted({begin, end, *(joint for joint in self._joints() if begin < joint < end)})
+        segment_starts = sorted(
+            {
+                begin,
+                end,
+                *(segment_start for segment_start in self._segment_starts() if begin < segment_start < end),
+            }
+        )
         total = 0.0
-        for a, b in pairwise(joints):
+        for a, b in pairwise(segment_starts):
             first, middle, last = (self._at(t)[0] for t in (a, 0.5 * (a + b), b))
             total += (b - a) / 6.0 * (first + 4.0 * middle + last)
         return total / self.seconds, (self._at(end)[0] - self._at(begin)[0]) / self.seconds
 
-    def _joints(self) -> list[float]:
+    def _segment_starts(self) -> list[float]:
         """Return the times at which the trapezoid, or the one before it, changes its acceleration."""
-        own = [*self._raw.joints, self._raw.duration, 0.0]
+        own = [*self._raw.segment_starts, self._raw.duration, 0.0]
         if self._before is None:
             return own
-        return own + [joint - self._before._time for joint in self._before._joints()]
+        return own + [segment_start - self._before._time for segment_start in self._before._segment_starts()]
 
     def _at(self, t: float) -> tuple[float, float]:
         if t >= 0.0:
             return self._raw.at(t)
         if self._before is not None:
             return self._before._at(self._before._time + t)
-        position, velocity = self._line
+        position, velocity = self._start
         return position + velocity * t, velocity
 
 
@@ -263,19 +269,19 @@ class SoftVelocity:
     ) -> tuple[float, float]:
         """Return the velocity ``dt`` seconds later, and the distance until then; ``jerk`` 0: the ramp without averaging."""
         before = self.velocity
-        self._stretch((acceleration + deceleration) / jerk if jerk > 0.0 else 0.0, dt)
-        ahead, way = ramp_velocity(self._ramp[-1], target, acceleration, deceleration, dt)
+        self._set_averaging_time((acceleration + deceleration) / jerk if jerk > 0.0 else 0.0, dt)
+        ahead, distance = ramp_velocity(self._ramp[-1], target, acceleration, deceleration, dt)
         self._ramp.popleft()
         self._ramp.append(ahead)
         after = self.velocity
-        return after, way if len(self._ramp) == 1 else 0.5 * (before + after) * dt
+        return after, distance if len(self._ramp) == 1 else 0.5 * (before + after) * dt
 
     @property
     def velocity(self) -> float:
         """The mean: the velocity of the axis."""
         return sum(self._ramp) / len(self._ramp)
 
-    def _stretch(self, seconds: float, dt: float) -> None:
+    def _set_averaging_time(self, seconds: float, dt: float) -> None:
         """Change the averaging time; the average restarts from the present velocity."""
         if seconds != self._seconds:
             self._seconds = seconds

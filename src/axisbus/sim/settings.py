@@ -138,7 +138,7 @@ class Settings:
         for (index, subindex), value in STANDARD_DEFAULTS.items():
             dictionary.give_default(index + offset, subindex, value)
         for name, (index, subindex, absent) in OBJECTS.items():
-            key = place(dictionary, index + offset, subindex)
+            key = object_key(dictionary, index + offset, subindex)
             self._set(name, index, subindex, dictionary.get_int(key >> 8, key & 0xFF, absent))
             dictionary.on_write(key, self._hook(name, index, subindex))
 
@@ -164,7 +164,7 @@ class _Follower:
         self._settings._set(*self._args, value)
 
 
-def place(dictionary: Dictionary, index: int, subindex: int = 0) -> int:
+def object_key(dictionary: Dictionary, index: int, subindex: int = 0) -> int:
     """Return the key of an object of the standard; if a file defines an array instead of a VAR, the key of its first element."""
     if subindex == 0 and dictionary.has(index, 1):
         return index << 8 | 1

@@ -29,7 +29,7 @@ class Frame(NamedTuple):
     extended: bool = False
 
 
-def told(frame: Frame, time: float) -> bytes:
+def frame_text(frame: Frame, time: float) -> bytes:
     """Return a frame as the server sends it to a client; ``time`` in seconds since 1970."""
     number = f"{frame.can_id:08X}" if frame.extended else f"{frame.can_id:03X}"
     return f"< frame {number} {time:.6f} {frame.data.hex().upper()} >".encode()
@@ -44,7 +44,7 @@ class Dialogue:
         self._waiting = b""
         self._opened = False
         self.raw = False  # whether it is in raw mode and gets the frames of the bus
-        self.mad = False  # whether it does not use this protocol and must be disconnected
+        self.is_overlong = False  # whether it does not use this protocol and must be disconnected
 
     def take(self, data: bytes) -> tuple[bytes, list[Frame]]:
         """Take received bytes; return the answers to send, and the frames for the bus."""
@@ -59,7 +59,7 @@ class Dialogue:
                 answers += b"< error no frame >" if frame is None else b""
             else:
                 answers += self._answer(words)
-        self.mad = len(self._waiting) > _LONGEST
+        self.is_overlong = len(self._waiting) > _LONGEST
         return answers, frames
 
     def _answer(self, words: list[str]) -> bytes:

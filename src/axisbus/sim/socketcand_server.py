@@ -19,11 +19,11 @@ from typing import Any
 import can
 
 from axisbus.errors import AdapterError
-from axisbus.sim.socketcand_protocol import GREETING, QUIET, Dialogue, Frame, told
+from axisbus.sim.socketcand_protocol import GREETING, QUIET, Dialogue, Frame, frame_text
 
 LOOPBACK = "127.0.0.1"  # no other computer may join this bus
-_MOST = 32  # clients
-_PIECE = 4096  # bytes
+_MAX_CLIENTS = 32  # clients
+_READ_SIZE = 4096  # bytes
 _WAITING = 1024  # frames in the queue to the simulated nodes
 _PATIENCE = 1.0  # s for which they may read no frame
 _QUICK_ACK = getattr(
@@ -54,7 +54,7 @@ class Server:
                 observed=str(error.strerror),
                 remedy="another program has it: give another one with --port, or 0 for any that is free",
             ) from error
-        self._listener.listen(_MOST)
+        self._listener.listen(_MAX_CLIENTS)
         self.port: int = self._listener.getsockname()[1]
         self.channel = channel or f"sim{self.port}"
         self.bus = ServedBus(self)
@@ -68,18 +68,18 @@ class Server:
         """Number of connected clients."""
         return len(self._clients)
 
-    def spread(self, frame: Frame, origin: _Client | None) -> None:
+    def distribute(self, frame: Frame, origin: _Client | None) -> None:
         """Send a frame to all but its origin (None: the simulated nodes, for which this call does not block).
 
         Raises:
             queue.Full: the simulated nodes have read no frame for 1 s.
         """
         if origin is not None:
-            self.bus.heard.put(frame, timeout=_PATIENCE)
-        text = told(frame, time.time())
+            self.bus.received.put(frame, timeout=_PATIENCE)
+        text = frame_text(frame, time.time())
         for client in self._clients:
             if client is not origin:
-                client.tell(text)
+                client.send_frame(text)
 
     def dismiss(self, client: _Client) -> None:
         """Remove a client."""
@@ -101,7 +101,7 @@ class Server:
                 line, _ = self._listener.accept()
             except OSError:
                 return
-            if len(self._clients) >= _MOST:
+            if len(self._clients) >= _MAX_CLIENTS:
                 line.close()
                 continue
             client = _Client(self, line)
@@ -117,7 +117,7 @@ class _Client:
         self._server = server
         self._line = line
         self._dialogue = Dialogue(server.channel)
-        self._from = float("inf")
+        self._frames_from = float("inf")
         self._sending = threading.Lock()
         line.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
 
@@ -125,9 +125,9 @@ class _Client:
         """Start to receive, in a separate thread."""
         threading.Thread(target=self._run, name="axisbus served", daemon=True).start()
 
-    def tell(self, text: bytes) -> None:
+    def send_frame(self, text: bytes) -> None:
         """Send a frame, if the client may receive frames; does not block: a client that does not read is disconnected."""
-        if time.monotonic() >= self._from:
+        if time.monotonic() >= self._frames_from:
             self._send(text)
 
     def close(self) -> None:
@@ -142,13 +142,13 @@ class _Client:
         except OSError:
             complete = False
         if not complete:
-            self._from = float("inf")
+            self._frames_from = float("inf")
             self.close()
 
     def _run(self) -> None:
         self._send(GREETING)
         try:
-            while data := self._line.recv(_PIECE):
+            while data := self._line.recv(_READ_SIZE):
                 self._take(data)
         except (OSError, queue.Full):
             pass
@@ -165,10 +165,10 @@ class _Client:
         if answers:
             self._send(answers)
         if dialogue.raw and not was_raw:
-            self._from = time.monotonic() + QUIET
+            self._frames_from = time.monotonic() + QUIET
         for frame in frames:
-            self._server.spread(frame, self)
-        if dialogue.mad:
+            self._server.distribute(frame, self)
+        if dialogue.is_overlong:
             self.close()
 
 
@@ -185,16 +185,16 @@ class ServedBus(can.BusABC):
     def __init__(self, server: Server) -> None:
         super().__init__(channel=server.channel)
         self.channel_info = f"simulated drives served on port {server.port}"
-        self.heard: queue.Queue[Frame] = queue.Queue(_WAITING)
+        self.received: queue.Queue[Frame] = queue.Queue(_WAITING)
         self._server = server
 
     def send(self, msg: can.Message, timeout: float | None = None) -> None:  # noqa: ARG002  # it never blocks
         """Send a frame of the simulated nodes to all clients."""
-        self._server.spread(Frame(msg.arbitration_id, bytes(msg.data), msg.is_extended_id), None)
+        self._server.distribute(Frame(msg.arbitration_id, bytes(msg.data), msg.is_extended_id), None)
 
     def _recv_internal(self, timeout: float | None) -> tuple[can.Message | None, bool]:
         try:
-            can_id, data, extended = self.heard.get(timeout=timeout)
+            can_id, data, extended = self.received.get(timeout=timeout)
         except queue.Empty:
             return None, False
         message: Any = can.Message(

@@ -26,7 +26,7 @@ def compose(
         word |= mode.halted_bits(axis) if halted else mode.bits(axis)
         if axis.clamped or axis.speed_limited or axis.forbidden or axis.motor.saturated:
             word |= SW_INTERNAL_LIMIT
-    elif power.stage is _QUICK_STOP and axis.standing:
+    elif power.stage is _QUICK_STOP and axis.at_standstill:
         word |= SW_BIT_10
     if dials.target_reached_always:
         word |= SW_BIT_10

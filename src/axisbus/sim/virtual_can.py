@@ -28,7 +28,7 @@ import can
 
 from axisbus.clock import VirtualClock
 from axisbus.sim.device import Device
-from axisbus.sim.node.network import Guest, StandInNode
+from axisbus.sim.node.network import ForeignNode, SimulatedLocalNode
 from axisbus.sim.node.slave import Slave
 
 _LONGEST_STEP = 0.0105  # s; a little more than the usual period of a scan, with whose cycles they are stepped
@@ -41,7 +41,7 @@ _QUEUE = 1000  # frames of one sender that may wait for the wire
 BITRATE = 1_000_000
 
 
-class FrameTaker(Protocol):
+class FrameReceiver(Protocol):
     """The receiver of an adapter's frames: a ``bus.link.channel.Channel``."""
 
     def take_frame(self, can_id: int, data: bytes) -> None:
@@ -106,26 +106,26 @@ class VirtualAdapter(_Sender):
     ``failure``: an exception that each send raises. ``full``: the queue accepts no frame.
     """
 
-    for_all = True
-    __slots__ = ("_taker", "channel_info", "failure", "full", "off", "wire")
+    thread_safe = True
+    __slots__ = ("_receiver", "channel_info", "failure", "full", "off", "wire")
 
     def __init__(self, wire: VirtualWire) -> None:
         super().__init__()
         self.wire = wire
-        self._taker: FrameTaker | None = None
+        self._receiver: FrameReceiver | None = None
         self.channel_info = "a simulated wire"
         self.failure: Exception | None = None
         self.full = False
         self.off = False
 
-    def attach(self, taker: FrameTaker) -> None:
-        """Pass all frames to ``taker`` from now on."""
-        self._taker = taker
+    def attach(self, receiver: FrameReceiver) -> None:
+        """Pass all frames to ``receiver`` from now on."""
+        self._receiver = receiver
 
     @property
-    def taker(self) -> FrameTaker | None:
+    def receiver(self) -> FrameReceiver | None:
         """The receiver of its frames."""
-        return self._taker
+        return self._receiver
 
     @property
     def calling(self) -> bool:
@@ -163,23 +163,23 @@ class VirtualAdapter(_Sender):
 
     def shutdown(self) -> None:
         """Leave the wire."""
-        self._taker = None
-        self.wire.part(self)
+        self._receiver = None
+        self.wire.remove(self)
 
     def unplug(self) -> None:
         """Let the adapter fail: it receives nothing any more, and cannot send."""
         self.failure = OSError(errno.ENODEV, "No such device")
         self.waiting.clear()
-        if self._taker is not None:
-            self._taker.take_failure(self.failure)
+        if self._receiver is not None:
+            self._receiver.take_failure(self.failure)
 
     def go_off(self, off: bool) -> None:
         """Make the controller bus-off, or restart it."""
         self.off = off
         self.waiting.clear()
-        if self._taker is not None:
+        if self._receiver is not None:
             kind = 0x40 if off else 0x100  # linux/can/error.h: bus-off, restarted
-            self._taker.take_message(can.Message(arbitration_id=kind, is_error_frame=True, data=bytes(8)))
+            self._receiver.take_message(can.Message(arbitration_id=kind, is_error_frame=True, data=bytes(8)))
 
     def _check(self) -> None:
         if self.failure is not None:
@@ -188,7 +188,7 @@ class VirtualAdapter(_Sender):
             raise can.CanOperationError("Failed to transmit: No buffer space available", errno.ENOBUFS)
 
 
-_Kind = TypeVar("_Kind", Slave, Guest)
+_Kind = TypeVar("_Kind", Slave, ForeignNode)
 
 
 class _Node(_Sender, Generic[_Kind]):
@@ -208,7 +208,7 @@ class VirtualWire:
         self,
         clock: VirtualClock,
         devices: Sequence[Device],
-        guests: Sequence[Guest] = (),
+        foreign_nodes: Sequence[ForeignNode] = (),
         *,
         bitrate: int = BITRATE,
         seed: int = 0,
@@ -222,32 +222,34 @@ class VirtualWire:
         self._bit = 1.0 / bitrate
         self._random = random.Random(seed)
         self._nodes = [_Node(Slave(device)) for device in devices]
-        self._guests = [_Node(guest) for guest in guests]
-        self._all: list[_Node[Slave] | _Node[Guest]] = [*self._nodes, *self._guests]
+        self._foreign_nodes = [_Node(foreign_node) for foreign_node in foreign_nodes]
+        self._all: list[_Node[Slave] | _Node[ForeignNode]] = [*self._nodes, *self._foreign_nodes]
         self._listeners: dict[int, list[_Node[Slave]]] = {}  # of the identifiers so far
         for node in self._nodes:
             node.frames.on_routes = self._listeners.clear
         self._adapters: list[VirtualAdapter] = []
-        self._late: deque[tuple[float, VirtualAdapter, Frame]] = deque()  # frames to masters behind a gateway
-        self._going: deque[tuple[float, VirtualAdapter, Frame]] = deque()  # and from them
+        self._delayed_to_masters: deque[tuple[float, VirtualAdapter, Frame]] = (
+            deque()
+        )  # frames to masters behind a gateway
+        self._delayed_to_nodes: deque[tuple[float, VirtualAdapter, Frame]] = deque()  # and from them
         self._senders: list[_Sender] = [*self._all]
         self._waiting = 0
         self._held: list[tuple[float, int, _Sender, Frame]] = []  # late by a fault of their identifier
         self._lossy = False  # whether some frames of masters are lost
         self._behind_gateway = False  # whether frames are held back
-        self._answers = False  # whether a node has SDO answers to send later
+        self._has_answers = False  # whether a node has SDO answers to send later
         self._sending: tuple[_Sender, Frame] | None = None
         self._ends = math.inf  # of the frame on the wire
         self._stepped = -math.inf  # when the nodes were stepped last
         self._step_due = clock.now()
-        self._longest_step = 0.005 if guests else _LONGEST_STEP
+        self._longest_step = 0.005 if foreign_nodes else _LONGEST_STEP
         self.due = clock.now()
         clock.add(self)
 
     @cached_property
-    def nodes(self) -> list[StandInNode]:
+    def nodes(self) -> list[SimulatedLocalNode]:
         """The nodes as ``canopen.LocalNode``, for local access to their objects by ``node.sdo``."""
-        return [StandInNode(node.frames.device, RLock(), node.frames) for node in self._nodes]
+        return [SimulatedLocalNode(node.frames.device, RLock(), node.frames) for node in self._nodes]
 
     def connect(self) -> VirtualAdapter:
         """Return a new adapter on this wire."""
@@ -266,7 +268,7 @@ class VirtualWire:
         """The adapters on this wire, in the order of ``connect``."""
         return self._adapters
 
-    def part(self, adapter: VirtualAdapter) -> None:
+    def remove(self, adapter: VirtualAdapter) -> None:
         """Take an adapter from the wire; its frames that still wait are lost."""
         if adapter in self._adapters:  # new lists: a frame may be on its way to those on the old one
             self._adapters = [other for other in self._adapters if other is not adapter]
@@ -275,11 +277,11 @@ class VirtualWire:
 
     def put(self, adapter: VirtualAdapter, frame: Frame) -> None:
         """Take a frame of a master."""
-        if self.faults.delay > 0.0 or self.faults.jitter > 0.0 or self._going:
+        if self.faults.delay > 0.0 or self.faults.jitter > 0.0 or self._delayed_to_nodes:
             at = self._clock.now() + self._delay()
-            if self._going:
-                at = max(at, self._going[-1][0])
-            self._going.append((at, adapter, frame))
+            if self._delayed_to_nodes:
+                at = max(at, self._delayed_to_nodes[-1][0])
+            self._delayed_to_nodes.append((at, adapter, frame))
             self._behind_gateway = True
             self.due = min(self.due, at)
             return
@@ -310,7 +312,7 @@ class VirtualWire:
             due = self._step_due
             if self._behind_gateway:
                 due = min(due, self._pass_gateway(now))
-            if self._answers:
+            if self._has_answers:
                 due = min(due, self._answer(now))
             if self._held:
                 due = min(due, self._pass_held(now))
@@ -331,14 +333,17 @@ class VirtualWire:
 
     def _pass_gateway(self, now: float) -> float:
         """Pass the frames that a gateway has held back; return when the next is due."""
-        while self._going and self._going[0][0] <= now:
-            _, adapter, frame = self._going.popleft()
+        while self._delayed_to_nodes and self._delayed_to_nodes[0][0] <= now:
+            _, adapter, frame = self._delayed_to_nodes.popleft()
             self._queue(adapter, frame)
-        while self._late and self._late[0][0] <= now:
-            _, adapter, frame = self._late.popleft()
-            _pass(adapter, frame)
-        self._behind_gateway = bool(self._going or self._late)
-        return min([held[0][0] for held in (self._going, self._late) if held], default=math.inf)
+        while self._delayed_to_masters and self._delayed_to_masters[0][0] <= now:
+            _, adapter, frame = self._delayed_to_masters.popleft()
+            _pass_to_adapter(adapter, frame)
+        self._behind_gateway = bool(self._delayed_to_nodes or self._delayed_to_masters)
+        return min(
+            [held[0][0] for held in (self._delayed_to_nodes, self._delayed_to_masters) if held],
+            default=math.inf,
+        )
 
     def _pass_held(self, now: float) -> float:
         """Pass the frames that were late by a fault of their identifier; return when the next is due."""
@@ -349,7 +354,7 @@ class VirtualWire:
 
     def _answer(self, now: float) -> float:
         """Let the nodes send the SDO answers that are due; return when the next is."""
-        due, self._answers = math.inf, False
+        due, self._has_answers = math.inf, False
         for node in self._all:
             answer = node.frames.next_answer
             if answer is not None and answer <= now:
@@ -357,7 +362,7 @@ class VirtualWire:
                 self._collect(node)
                 answer = node.frames.next_answer
             if answer is not None:
-                due, self._answers = min(due, answer), True
+                due, self._has_answers = min(due, answer), True
         return due
 
     def _step(self, now: float) -> None:
@@ -365,7 +370,7 @@ class VirtualWire:
         for node in self._all:
             node.frames.step(now)
             self._collect(node)
-            self._answers = self._answers or node.frames.next_answer is not None
+            self._has_answers = self._has_answers or node.frames.next_answer is not None
 
     # -- frames --------------------------------------------------------------------------------------------------------
 
@@ -429,18 +434,18 @@ class VirtualWire:
         return [frame] * times
 
     def _to_masters(self, sender: _Sender, frame: Frame, now: float) -> None:
-        late = self.faults.delay > 0.0 or self.faults.jitter > 0.0 or self._late
+        late = self.faults.delay > 0.0 or self.faults.jitter > 0.0 or self._delayed_to_masters
         for adapter in self._adapters:
             if adapter is sender or adapter.off or adapter.failure is not None:
                 continue
             if late:
                 at = now + self._delay()
-                if self._late:
-                    at = max(at, self._late[-1][0])
-                self._late.append((at, adapter, frame))
+                if self._delayed_to_masters:
+                    at = max(at, self._delayed_to_masters[-1][0])
+                self._delayed_to_masters.append((at, adapter, frame))
                 self._behind_gateway = True
             else:
-                _pass(adapter, frame)
+                _pass_to_adapter(adapter, frame)
 
     def _to_nodes(self, sender: _Sender, frame: Frame, now: float) -> None:
         can_id, data, remote = frame
@@ -461,14 +466,14 @@ class VirtualWire:
             slave.on_frame(can_id, data, now, remote=remote)
             if slave.has_frames:
                 self._collect(node)
-            if slave.waits:
-                self._answers = True
-        for guest in self._guests:
-            if sender in self._guests and sender.frames.node_id == guest.frames.node_id:
+            if slave.has_requests:
+                self._has_answers = True
+        for foreign_node in self._foreign_nodes:
+            if sender in self._foreign_nodes and sender.frames.node_id == foreign_node.frames.node_id:
                 continue
-            guest.frames.on_frame(can_id, data, now, remote=remote)
-            self._collect(guest)
-            self._answers = self._answers or guest.frames.next_answer is not None
+            foreign_node.frames.on_frame(can_id, data, now, remote=remote)
+            self._collect(foreign_node)
+            self._has_answers = self._has_answers or foreign_node.frames.next_answer is not None
 
     def _is_lost(self, can_id: int) -> bool:
         """Whether a fault keeps a master's frame from the nodes."""
@@ -477,7 +482,7 @@ class VirtualWire:
             return True
         return faults.sync_lost and any(can_id == node.frames.sync.cob_id for node in self._nodes)
 
-    def _collect(self, node: _Node[Slave] | _Node[Guest]) -> None:
+    def _collect(self, node: _Node[Slave] | _Node[ForeignNode]) -> None:
         for can_id, data in node.frames.take_frames():
             self._queue(node, (can_id, bytes(data), False))
 
@@ -514,16 +519,16 @@ class VirtualSyncProducer:
         """As ``EventSource.catch_up``: it has no plant."""
 
 
-def _pass(adapter: VirtualAdapter, frame: Frame) -> None:
-    taker = adapter.taker
-    if taker is None:
+def _pass_to_adapter(adapter: VirtualAdapter, frame: Frame) -> None:
+    receiver = adapter.receiver
+    if receiver is None:
         return
     can_id, data, remote = frame
     if remote or can_id > _ID_11:
-        taker.take_message(
+        receiver.take_message(
             can.Message(
                 arbitration_id=can_id, data=data, is_remote_frame=remote, is_extended_id=can_id > _ID_11
             )
         )
     else:
-        taker.take_frame(can_id, data)
+        receiver.take_frame(can_id, data)

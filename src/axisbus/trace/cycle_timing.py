@@ -53,7 +53,7 @@ class CycleTiming:
     node's answer.
     """
 
-    cast: CyclicIdentifiers
+    identifiers: CyclicIdentifiers
     period: float
     off: array[float] = field(default_factory=lambda: array("d"))
     last_tpdo: array[float] = field(default_factory=lambda: array("d"))
@@ -68,7 +68,12 @@ class CycleTiming:
         self._tpdos = array("d")
         self._rpdos = array("d")
         self._answers = array("d")
-        self.seen = self.cast.tpdos | self.cast.rpdos | self.cast.answers | {self.cast.sync}
+        self.seen = (
+            self.identifiers.tpdos
+            | self.identifiers.rpdos
+            | self.identifiers.answers
+            | {self.identifiers.sync}
+        )
 
     def add(self, frames: Iterable[CanFrame]) -> None:
         """Add frames in the order of their arrival."""
@@ -86,15 +91,15 @@ class CycleTiming:
             self._take(*heapq.heappop(self._waiting))
 
     def _take(self, time: float, can_id: int) -> None:
-        if can_id == self.cast.sync:
+        if can_id == self.identifiers.sync:
             self._close(time)
             return
         if self._began is None:
             return
         for wanted, times in (
-            (self.cast.tpdos, self._tpdos),
-            (self.cast.rpdos, self._rpdos),
-            (self.cast.answers, self._answers),
+            (self.identifiers.tpdos, self._tpdos),
+            (self.identifiers.rpdos, self._rpdos),
+            (self.identifiers.answers, self._answers),
         ):
             if can_id in wanted:
                 times.append(time)
@@ -109,7 +114,7 @@ class CycleTiming:
             self.off.append(time - began - steps * self.period)
             _last(self.last_tpdo, self._tpdos, began)
             _last(self.last_rpdo, self._rpdos, began)
-            if len(self._answers) == len(self.cast.answers) > 1:
+            if len(self._answers) == len(self.identifiers.answers) > 1:
                 self.skew.append(max(self._answers) - min(self._answers))
         for times in (self._tpdos, self._rpdos, self._answers):
             del times[:]
@@ -137,4 +142,7 @@ def histogram(values: Sequence[float], bins: int) -> list[tuple[float, float, in
     counts = [0] * bins
     for value in values:
         counts[min(bins - 1, int((value - least) / width))] += 1
-    return [(least + place * width, least + (place + 1) * width, count) for place, count in enumerate(counts)]
+    return [
+        (least + bin_number * width, least + (bin_number + 1) * width, count)
+        for bin_number, count in enumerate(counts)
+    ]

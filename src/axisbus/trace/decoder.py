@@ -73,19 +73,19 @@ class Decoder:
         delta = 0.0 if self._before is None else frame.time - self._before
         self._before = frame.time
         for other in self._others:
-            told = other.told(frame)
-            if told is not None:
-                known = self._known.others.get(told.node)
+            decode = other.decode(frame)
+            if decode is not None:
+                known = self._known.others.get(decode.node)
                 name = "" if known is None else known.name
-                return _Making(frame, delta, FrameKind.FOREIGN, told.node, name).words(
-                    told.words, from_node=told.from_node
+                return _DecodedBuilder(frame, delta, FrameKind.FOREIGN, decode.node, name).words(
+                    decode.words, from_node=decode.from_node
                 )
         self.foreign.note(frame)
         text = self.foreign.text(frame)
         if text is not None:
-            return _Making(frame, delta, FrameKind.FOREIGN, None, "").words(Words(text))
+            return _DecodedBuilder(frame, delta, FrameKind.FOREIGN, None, "").words(Words(text))
         kind, node = self.classify(frame)
-        made = _Making(frame, delta, kind, node, self._name(node))
+        made = _DecodedBuilder(frame, delta, kind, node, self._name(node))
         return _DECODERS[kind](self, made)
 
     def classify(self, frame: CanFrame) -> tuple[FrameKind, int | None]:
@@ -110,7 +110,7 @@ class Decoder:
             return FrameKind.SDO, self._sdo[identifier][0]
         return None
 
-    def who(self, node: int) -> str:
+    def node_text(self, node: int) -> str:
         """Return the name of a node for people: ``node 5 (x)``."""
         name = self._name(node)
         return f"node {node} ({name})" if name else f"node {node}"
@@ -125,25 +125,25 @@ class Decoder:
 
     # -- services -----------------------------------------------------------------------------------------------------------------
 
-    def _nmt(self, made: _Making) -> Decoded:
+    def _nmt(self, made: _DecodedBuilder) -> Decoded:
         data = made.frame.data
         if len(data) == 2 and data[0] in (129, 130):
             for node in range(1, 128) if data[1] == 0 else (data[1],):
                 self._toggles.pop(node, None)
         target = data[1] if len(data) == 2 and data[1] in cob.NODE_IDS else None
         made = made.with_node(target, self._name(target))
-        return made.words(services.nmt(data, self.who), from_node=False)
+        return made.words(services.nmt(data, self.node_text), from_node=False)
 
-    def _sync_frame(self, made: _Making) -> Decoded:
+    def _sync_frame(self, made: _DecodedBuilder) -> Decoded:
         return made.words(services.sync(made.frame.data), from_node=False)
 
-    def _time(self, made: _Making) -> Decoded:
+    def _time(self, made: _DecodedBuilder) -> Decoded:
         return made.words(services.time(made.frame.data), from_node=False)
 
-    def _emergency(self, made: _Making) -> Decoded:
+    def _emergency(self, made: _DecodedBuilder) -> Decoded:
         return made.words(services.emergency(made.frame.data, self._node(made).make))
 
-    def _heartbeat(self, made: _Making) -> Decoded:
+    def _heartbeat(self, made: _DecodedBuilder) -> Decoded:
         node, frame = made.node or 0, made.frame
         if frame.remote:
             self._asked.add(node)
@@ -170,21 +170,21 @@ class Decoder:
             return said._replace(problem="the toggle bit did not change since the last answer")
         return said
 
-    def _lss(self, made: _Making) -> Decoded:
+    def _lss(self, made: _DecodedBuilder) -> Decoded:
         request = made.frame.can_id == cob.LSS_RX
         what, problem = lss.words(made.frame.data, request=request)
         return made.words(Words(what, problem=problem), from_node=not request)
 
-    def _error_frame(self, made: _Making) -> Decoded:
+    def _error_frame(self, made: _DecodedBuilder) -> Decoded:
         """Decode the error class of Linux; recordings of other systems have none, and give only the words error frame."""
         return made.words(Words(controller.describe(made.frame.can_id, made.frame.data), error=True))
 
-    def _unknown(self, made: _Making) -> Decoded:
+    def _unknown(self, made: _DecodedBuilder) -> Decoded:
         return made.words(Words(_bytes(made.frame)))
 
     # -- PDO ----------------------------------------------------------------------------------------------------------------------
 
-    def _pdo(self, made: _Making) -> Decoded:
+    def _pdo(self, made: _DecodedBuilder) -> Decoded:
         pdos, receive = self._pdos.find(_wire(made.frame)), made.kind is FrameKind.RPDO
         if not pdos:
             function = made.frame.can_id & _FUNCTION
@@ -205,7 +205,7 @@ class Decoder:
             )
         return self._mapped(made, name, first)
 
-    def _mapped(self, made: _Making, name: str, pdo: PdoParameters) -> Decoded:
+    def _mapped(self, made: _DecodedBuilder, name: str, pdo: PdoParameters) -> Decoded:
         mapping, data = pdo.mapping or (), made.frame.data
         size = (sum(entry.bits for entry in mapping) + 7) // 8
         from_node = not pdo.receive
@@ -220,7 +220,7 @@ class Decoder:
         error = any(value_text.in_trouble(value.index, value.value) for value in values)
         return made.words(Words(name, error, problem), values=values, from_node=from_node)
 
-    def _multiplexed(self, made: _Making, pdo: PdoParameters) -> Decoded:
+    def _multiplexed(self, made: _DecodedBuilder, pdo: PdoParameters) -> Decoded:
         """Decode an MPDO, which carries its own multiplexer (CiA 301 7.2.2.5)."""
         data = made.frame.data
         if len(data) != 8:
@@ -231,15 +231,15 @@ class Decoder:
         node = data[0] & _NODE
         owner = node if node in cob.NODE_IDS else pdo.node
         value, _ = self._values.of_bytes(owner, data[1] | data[2] << 8, data[3], data[4:8], sized=False)
-        to = "all nodes" if not node else self.who(node)
-        way = f"for {to}" if data[0] & 0x80 else f"from {to}"
+        to = "all nodes" if not node else self.node_text(node)
+        direction = f"for {to}" if data[0] & 0x80 else f"from {to}"
         return made.words(
-            Words(f"{pdo.name}, multiplexed, {way}"), values=(value,), from_node=not pdo.receive
+            Words(f"{pdo.name}, multiplexed, {direction}"), values=(value,), from_node=not pdo.receive
         )
 
     # -- SDO ----------------------------------------------------------------------------------------------------------------------
 
-    def _sdo_frame(self, made: _Making) -> Decoded:
+    def _sdo_frame(self, made: _DecodedBuilder) -> Decoded:
         identifier, node = made.frame.can_id, made.node or 0
         if identifier in self._sdo:
             _, request, pair = self._sdo[identifier]
@@ -287,11 +287,11 @@ class Decoder:
             return
         self._sdo[identifier] = (node, subindex == 1, (-node, index))
 
-    def _node(self, made: _Making) -> KnownNode:
+    def _node(self, made: _DecodedBuilder) -> KnownNode:
         return self._known.nodes.get(made.node or 0) or KnownNode(made.node or 0)
 
 
-class _Making:
+class _DecodedBuilder:
     """A ``Decoded`` under construction: the information from its identifier."""
 
     __slots__ = ("delta", "frame", "kind", "name", "node")
@@ -299,8 +299,8 @@ class _Making:
     def __init__(self, frame: CanFrame, delta: float, kind: FrameKind, node: int | None, name: str) -> None:
         self.frame, self.delta, self.kind, self.node, self.name = frame, delta, kind, node, name
 
-    def with_node(self, node: int | None, name: str) -> _Making:
-        return _Making(self.frame, self.delta, self.kind, node, name)
+    def with_node(self, node: int | None, name: str) -> _DecodedBuilder:
+        return _DecodedBuilder(self.frame, self.delta, self.kind, node, name)
 
     def words(
         self,
@@ -364,7 +364,7 @@ _BY_FUNCTION = {
     cob.SDO_RX: FrameKind.SDO,
     cob.HEARTBEAT: FrameKind.HEARTBEAT,
 }
-_DECODERS: dict[FrameKind, Callable[[Decoder, _Making], Decoded]] = {
+_DECODERS: dict[FrameKind, Callable[[Decoder, _DecodedBuilder], Decoded]] = {
     FrameKind.NMT: Decoder._nmt,
     FrameKind.SYNC: Decoder._sync_frame,
     FrameKind.TIME: Decoder._time,

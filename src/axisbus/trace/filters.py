@@ -64,9 +64,9 @@ def _kind(text: str) -> Wanted:
 
 
 def _object(text: str) -> Wanted:
-    place = _address(text)
-    if place is not None:
-        index, subindex = place
+    wanted_address = _address(text)
+    if wanted_address is not None:
+        index, subindex = wanted_address
         return lambda one: any(
             value.index == index and subindex in (None, value.subindex) for value in one.values
         )

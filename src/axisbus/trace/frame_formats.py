@@ -38,8 +38,8 @@ def what(one: Decoded) -> str:
 
 def address(value: ObjectValue) -> str:
     """Return an object as people write it: ``6041h Statusword``, ``1018h:01 Vendor-ID``."""
-    place = f"{value.index:04X}h" + (f":{value.subindex:02X}" if value.subindex else "")
-    return f"{place} {value.name}".rstrip()
+    number_text = f"{value.index:04X}h" + (f":{value.subindex:02X}" if value.subindex else "")
+    return f"{number_text} {value.name}".rstrip()
 
 
 def shown(value: ObjectValue) -> str:

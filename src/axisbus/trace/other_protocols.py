@@ -27,7 +27,7 @@ class NodeFrameText(NamedTuple):
 class NodeDecoder(Protocol):
     """Decodes the frames of named nodes; holds state."""
 
-    def told(self, frame: CanFrame) -> NodeFrameText | None:
+    def decode(self, frame: CanFrame) -> NodeFrameText | None:
         """Return the text of a frame; None if it belongs to none of the named nodes."""
 
 

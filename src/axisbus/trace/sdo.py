@@ -283,14 +283,14 @@ class SdoChannelDecoder:
     # -- both ---------------------------------------------------------------------------------------------------------------------
 
     def _abort(self, data: bytes, _: float) -> TransferText:
-        place, transfer = address(data), self._transfer
+        entry, transfer = address(data), self._transfer
         self._transfer = None
         code = int.from_bytes(data[4:8], "little")
         write = transfer.write if transfer is not None else False
         problem = ""
-        if transfer is not None and place not in ((transfer.index, transfer.subindex), (0, 0)):
+        if transfer is not None and entry not in ((transfer.index, transfer.subindex), (0, 0)):
             problem = f"its object is not that of the transfer, {transfer.index:04X}h:{transfer.subindex:02X}"
-        return TransferText(DecodedSdo("aborted", write, abort=code), place, problem=problem)
+        return TransferText(DecodedSdo("aborted", write, abort=code), entry, problem=problem)
 
     def _expect(self, write: bool, *phases: TransferPhase) -> TracedTransfer | None:
         transfer = self._transfer
@@ -303,10 +303,10 @@ class SdoChannelDecoder:
 
     def _mismatch(self, data: bytes, write: bool) -> str:
         """Return why an answer does not fit the request; empty if it does."""
-        transfer, place = self._transfer, address(data)
+        transfer, entry = self._transfer, address(data)
         if transfer is None:
             return "nothing was asked" if self._seen else ""
-        if (transfer.index, transfer.subindex) != place:
+        if (transfer.index, transfer.subindex) != entry:
             return f"its object is not the requested one, {transfer.index:04X}h:{transfer.subindex:02X}"
         if transfer.write is not write:
             return f"a {'write' if transfer.write else 'read'} was asked for"
@@ -326,9 +326,9 @@ class SdoChannelDecoder:
 
     def _whole(self, transfer: TracedTransfer, step: str, problem: str = "") -> TransferText:
         sdo = DecodedSdo(step, transfer.write, len(transfer.data), transfer.size)
-        place = (transfer.index, transfer.subindex)
+        entry = (transfer.index, transfer.subindex)
         return TransferText(
-            sdo, place, bytes(transfer.data), settled=True, problem=problem or length(transfer)
+            sdo, entry, bytes(transfer.data), settled=True, problem=problem or length(transfer)
         )
 
 

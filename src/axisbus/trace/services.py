@@ -25,11 +25,11 @@ class Words(NamedTuple):
     problem: str = ""
 
 
-def nmt(data: bytes, who: Callable[[int], str]) -> Words:
-    """Decode an NMT command; ``who`` names a node."""
+def nmt(data: bytes, node_text: Callable[[int], str]) -> Words:
+    """Decode an NMT command; ``node_text`` names a node."""
     if len(data) != 2:
         return Words(counted(len(data), "byte"), problem="an NMT command has 2 bytes (CiA 301 7.2.8.2)")
-    target = "all nodes" if data[1] == 0 else who(data[1])
+    target = "all nodes" if data[1] == 0 else node_text(data[1])
     if data[0] not in NmtCommand.__members__.values():
         return Words(
             f"command {data[0]} to {target}", problem=f"{data[0]} is not an NMT command (CiA 301 7.2.8.2)"

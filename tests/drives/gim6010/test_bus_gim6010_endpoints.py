@@ -14,7 +14,7 @@ from axisbus.drives.gim6010.bus.can_simple_client import SimpleLine
 from axisbus.drives.gim6010.bus.endpoints import CanSimpleParameters
 from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.sim.constants import Firmware as Made
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, NodeError, NodeTimeout, StateError
 from kit.can_simple_bus import Bystander, modules_on_bus
@@ -49,7 +49,7 @@ def opened(*modules, listed=None, made_for=V13, node=None, bystander=None, line=
 @pytest.mark.parametrize("node", [0, 5, 63])
 @pytest.mark.parametrize("answer", [0x04, 0x05])
 def test_a_written_value_is_read_back_and_a_restart_reverts_it(node, answer):
-    module = Module(node, dials=ModuleDials(endpoint_answer=answer, restart_time=0.2))
+    module = Module(node, dials=ModuleFaults(endpoint_answer=answer, restart_time=0.2))
     with opened(module) as found:
         assert (found.firmware, found.serial) == (V13, 0x32323334)
         assert found.read("vbus_voltage") == 24.0
@@ -146,7 +146,7 @@ def test_an_endpoint_list_of_the_right_version_still_has_its_types_tested():
 
 
 def test_a_module_that_answers_no_endpoint_is_reported_with_the_remedy():
-    with pytest.raises(NodeTimeout, match="USB"), opened(Module(5, dials=ModuleDials(endpoints=False))):
+    with pytest.raises(NodeTimeout, match="USB"), opened(Module(5, dials=ModuleFaults(endpoints=False))):
         pass
 
 
@@ -162,7 +162,7 @@ def test_answers_of_wrong_lengths_are_reported():
         return Bystander(name, answer=answer)
 
     with ExitStack() as stack:
-        name = stack.enter_context(modules_on_bus(Module(5, dials=ModuleDials(endpoints=False))))
+        name = stack.enter_context(modules_on_bus(Module(5, dials=ModuleFaults(endpoints=False))))
         stack.enter_context(beside(name))
         channel = Channel.open("virtual", name)
         stack.callback(channel.close)
@@ -214,7 +214,7 @@ def test_a_module_that_leaves_is_reported():
 
 
 def test_a_restart_between_writing_and_saving_is_not_saved():
-    module = Module(5, dials=ModuleDials(restart_time=0.2))
+    module = Module(5, dials=ModuleFaults(restart_time=0.2))
     with opened(module) as found:
         found.write(LIMIT, 12.5)
         module.restart()
@@ -234,7 +234,7 @@ def test_a_save_that_does_nothing_is_reported():
 
 
 def test_a_save_that_loses_the_values_is_reported():
-    module = Module(5, dials=ModuleDials(restart_time=0.3))
+    module = Module(5, dials=ModuleFaults(restart_time=0.3))
     with opened(module) as found:
         found.write(LIMIT, 12.5)
         module.parameters.save = lambda: None

@@ -14,7 +14,7 @@ from axisbus.drives.gim6010.can_simple.endpoints import Firmware, parse
 from axisbus.drives.gim6010.discovery import report_text
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.settings.parameter_settings import apply, bit_rate
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from kit.module_search import search
 from kit.sim.can_simple_module import SAVE, gim_eds
@@ -31,7 +31,7 @@ def parameters(channel, act):
     line = SimpleLine(channel, 5)
     found = CanSimpleParameters(line)
     with line:
-        found.open(parse(json.dumps(channel.guests[0].json()), "a list"), Firmware(0, 5, 13))
+        found.open(parse(json.dumps(channel.foreign_nodes[0].json()), "a list"), Firmware(0, 5, 13))
         act(found)
 
 
@@ -62,7 +62,7 @@ PLAYS = {
 
 
 def played(name, killed_at=None):
-    module = Module(5, eds=EDS, dials=ModuleDials(line_bitrate=500_000, restart_time=0.7))
+    module = Module(5, eds=EDS, dials=ModuleFaults(line_bitrate=500_000, restart_time=0.7))
     channel = KilledChannel(module, killed_at=killed_at)
     with suppress(Killed), channel:
         PLAYS[name][0](channel)

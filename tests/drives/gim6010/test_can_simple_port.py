@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 from axisbus.drives.gim6010.sim.constants import FACTORY, Firmware
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import (
     DriveError,
@@ -60,7 +60,7 @@ def made():
 
 
 def module(*, firmware: Firmware = FACTORY, motor: MotorParams | None = None, **dials) -> Module:
-    return Module(5, firmware=firmware, params=motor, dials=ModuleDials(**dials), **OWN)
+    return Module(5, firmware=firmware, params=motor, dials=ModuleFaults(**dials), **OWN)
 
 
 def homed(r):

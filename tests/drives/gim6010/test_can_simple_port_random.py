@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from axisbus.drives.gim6010.sim.constants import Firmware
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import AxisbusError
 from kit.can_simple.rig import OWN, SETTINGS, Rig, judge, rig
@@ -49,7 +49,7 @@ MISHAPS = {
 
 def play(seed: int, *, mishaps: bool, loss: float) -> Rig:
     dice = random.Random(seed)
-    dials = ModuleDials(get_error_answered=dice.random() < 0.5, runaway_after=0.3)
+    dials = ModuleFaults(get_error_answered=dice.random() < 0.5, runaway_after=0.3)
     holds = dice.random() < 0.5
     settings = replace(SETTINGS, quick_stop_holds=holds, filter_bandwidth=dice.choice([None, 50.0]))
     module = Module(5, firmware=dice.choice(FIRMWARES), dials=dials, input_filter_bandwidth=50.0, **OWN)

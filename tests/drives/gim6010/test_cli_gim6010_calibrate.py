@@ -13,7 +13,7 @@ import pytest
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.run import run_guarded
 from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.can_simple_bus import modules_on_bus
@@ -28,7 +28,7 @@ def axisbus(monkeypatch, capsys):
 
 
 def module(**dials):
-    return Module(5, dials=ModuleDials(**{"calibration_time": 0.1, **dials}))
+    return Module(5, dials=ModuleFaults(**{"calibration_time": 0.1, **dials}))
 
 
 def test_calibration_without_a_terminal_needs_yes(axisbus):

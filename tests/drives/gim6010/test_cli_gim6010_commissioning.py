@@ -10,7 +10,7 @@ import pytest
 
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.settings_by_message import set_node_id
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import NodeError, StateError
 from kit import command_line
@@ -60,7 +60,7 @@ def test_from_the_box_to_canopen(axisbus):
 
 @pytest.mark.timeout(120)
 def test_if_the_protocol_can_be_set_by_usb_only_the_steps_are_printed(axisbus):
-    module = Module(5, eds=EDS, dials=ModuleDials(protocol_by_usb=True))
+    module = Module(5, eds=EDS, dials=ModuleFaults(protocol_by_usb=True))
     with modules_on_bus(module) as channel:
         code, out, err = axisbus("gim6010", "to-canopen", *bus(channel, "--node", 5), *LIST)
     assert code == 3
@@ -101,7 +101,7 @@ def found(axisbus, channel):
 
 @pytest.mark.timeout(120)
 def test_cut_off_before_the_save_the_new_id_is_found_until_it_is_switched_off(axisbus):
-    module = Module(5, dials=ModuleDials(restart_time=0.2))
+    module = Module(5, dials=ModuleFaults(restart_time=0.2))
 
     def cut(_):
         raise Cut
@@ -141,7 +141,7 @@ def test_a_module_that_does_not_accept_the_id_is_reported():
 
 
 def test_a_module_that_does_not_keep_the_id_is_reported():
-    module = Module(5, dials=ModuleDials(restart_time=1.0))
+    module = Module(5, dials=ModuleFaults(restart_time=1.0))
     module.parameters.save = lambda: None
     with modules_on_bus(module) as channel, pytest.raises(NodeError, match="came back with the node ID 5"):
         change(channel, 5, 7)

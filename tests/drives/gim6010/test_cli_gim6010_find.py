@@ -9,7 +9,7 @@ import pytest
 
 from axisbus.bus.link import adapter, other_rates
 from axisbus.drives.gim6010.sim.constants import Firmware
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from kit.can_simple_bus import Bystander, modules_on_bus
 from kit.sim.can_simple_module import gim_eds
@@ -26,7 +26,7 @@ def gim(axisbus):
 
 
 def test_the_protocol_of_each_module_and_the_next_command_are_printed(gim):
-    ill = Module(16, firmware=Firmware(0, 5, 11), dials=ModuleDials(motor_error=8))
+    ill = Module(16, firmware=Firmware(0, 5, 11), dials=ModuleFaults(motor_error=8))
     with modules_on_bus(Module(0), ill, Module(33, eds=EDS, protocol=2)) as channel:
         code, out, _ = gim("find", channel)
     assert code == 0
@@ -76,7 +76,7 @@ def test_two_modules_of_one_id_are_something_wrong(gim):
 
 
 def test_errors_of_a_module_in_either_protocol(gim):
-    ill = Module(16, dials=ModuleDials(motor_error=8))
+    ill = Module(16, dials=ModuleFaults(motor_error=8))
     with modules_on_bus(ill, Module(33, eds=EDS, protocol=2)) as channel:
         code, out, _ = gim("errors", channel, "--node", 16)
         assert code == 1

@@ -7,7 +7,7 @@ import json
 import pytest
 
 from axisbus.drives.gim6010.sim.constants import Firmware
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.can_simple_bus import modules_on_bus
@@ -40,7 +40,7 @@ def params(monkeypatch, capsys, folder):
 
 
 def test_values_are_read_and_written_and_the_output_names_ram_or_flash(params):
-    module = Module(5, dials=ModuleDials(restart_time=0.3))
+    module = Module(5, dials=ModuleFaults(restart_time=0.3))
     with modules_on_bus(module) as channel:
         code, out, _ = params("get", LIMIT, "odrv0.vbus_voltage", channel=channel)
         assert (code, out) == (0, f"{LIMIT} = 30\nodrv0.vbus_voltage = 24\n")
@@ -78,7 +78,7 @@ def test_no_value_is_written_if_one_of_several_is_invalid(params):
 
 
 def test_a_value_that_is_not_taken_leaves_the_ones_before_it_in_ram_with_their_notes(params):
-    module = Module(5, dials=ModuleDials(protocol_by_usb=True))
+    module = Module(5, dials=ModuleFaults(protocol_by_usb=True))
     with modules_on_bus(module) as channel:
         code, out, err = params("set", f"{KT}=0.1", "can.config.protocol=2", f"{LIMIT}=12.5", channel=channel)
     assert code == 3
@@ -112,7 +112,7 @@ def test_invalid_arguments_are_refused_before_the_bus_is_opened(params):
 
 
 def test_a_module_that_answers_no_endpoint(params):
-    with modules_on_bus(Module(5, dials=ModuleDials(endpoints=False))) as channel:
+    with modules_on_bus(Module(5, dials=ModuleFaults(endpoints=False))) as channel:
         code, _, err = params("dump", channel=channel)
     assert code == 3
     assert "does not answer" in err

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.can_simple_bus import modules_on_bus
@@ -28,7 +28,7 @@ def axisbus(monkeypatch, capsys, tmp_path):
 
 
 def module(**more):
-    return Module(5, dials=ModuleDials(restart_time=0.2), **more)
+    return Module(5, dials=ModuleFaults(restart_time=0.2), **more)
 
 
 def test_termination(axisbus):

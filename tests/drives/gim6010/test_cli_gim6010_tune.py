@@ -11,7 +11,7 @@ import time
 
 import pytest
 
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from kit import command_line
 from kit.can_simple_bus import modules_on_bus
@@ -30,7 +30,7 @@ def axisbus(monkeypatch, capsys, tmp_path):
 
 
 def test_a_step_is_measured_and_the_gains_are_printed(axisbus):
-    one = Module(5, dials=ModuleDials())
+    one = Module(5, dials=ModuleFaults())
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(channel, *POSITION, "--pos-gain", 26, *LIST, "--yes")
     assert code == 0, err
@@ -89,7 +89,7 @@ def test_ctrl_c_during_a_tuning_move_brakes_the_module_and_switches_it_off(axisb
 
 def test_the_method_of_the_manual_finds_a_smooth_gain(axisbus):
     """A gain with a low maximum: two trials, the second of which is the last that is allowed."""
-    one = Module(5, dials=ModuleDials())
+    one = Module(5, dials=ModuleFaults())
     with modules_on_bus(one) as channel:
         code, out, err = axisbus(
             channel, *POSITION, "--pos-gain", 4, "--raise-to", 5.3, *LIST, "--yes", "--step", 0.5
@@ -113,7 +113,7 @@ def test_the_method_of_the_manual_needs_its_bounds(axisbus):
 
 
 def test_an_interrupted_search_names_the_gain_in_the_module(axisbus):
-    one = Module(5, dials=ModuleDials())
+    one = Module(5, dials=ModuleFaults())
 
     def interrupt():
         while one.shaft.speed < 1.0:

@@ -28,7 +28,7 @@ from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.machine.groups import Group
 from axisbus.motion.axis.core import AxisCore
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.can_simple.mixed_cell import AXES, MODULE
 from kit.can_simple.rig import OWN, SETTINGS, parameters
 
@@ -64,8 +64,10 @@ class Bus:
         self.settings = replace(SETTINGS, node=MODULE, period=PERIOD)
         self.module = Module(MODULE, **OWN)
         self.devices = devices_of(cell, dictionaries)
-        self.stand_ins = StandIns(channel, list(self.devices.values()), guests=[self.module])
-        self.stand_ins.start()
+        self.simulated_nodes = SimulatedNetwork(
+            channel, list(self.devices.values()), foreign_nodes=[self.module]
+        )
+        self.simulated_nodes.start()
         self.channel = Channel.open("virtual", channel)
         self.runtime = Runtime(CanLink(cell, dictionaries, channel=self.channel), dictionaries, {})
         self._scan()
@@ -90,7 +92,7 @@ class Bus:
     @property
     def speeds(self) -> list[float]:
         """True speeds in turns/s of the rotor: of the module, and of the other axes."""
-        with self.stand_ins.lock:
+        with self.simulated_nodes.lock:
             others = [device.drive.axis.motor.velocity / 16384 for device in self.devices.values()]
             return [self.module.shaft.speed, *others]
 
@@ -122,7 +124,7 @@ class Bus:
         self.thread.stop()
         self.sender.close()
         self.runtime.leave()
-        self.stand_ins.close()
+        self.simulated_nodes.close()
 
 
 @pytest.fixture
@@ -145,7 +147,7 @@ def test_a_fault_of_one_stops_all(bus):
     bus.homed()
     handle = bus.group.move_linear((400.0, 200.0, 300.0), velocity=60.0)
     bus.moves()
-    with bus.stand_ins.lock:
+    with bus.simulated_nodes.lock:
         bus.module.dials.motor_error = 0x10000
     with pytest.raises(AxisbusError):
         handle.wait(5)
@@ -177,7 +179,7 @@ def test_a_rescue_after_the_scan_ended_brakes_the_module_and_switches_its_power_
 
 
 def test_a_lost_module_is_reported_as_not_confirmed(bus):
-    with bus.stand_ins.lock:
+    with bus.simulated_nodes.lock:
         bus.module.dials.dead = True
     (stopped,) = stop_modules(bus.channel, {"m": bus.settings})
     assert not stopped.ok

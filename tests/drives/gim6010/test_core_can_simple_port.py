@@ -15,13 +15,13 @@ PV = 3
 
 
 class Quiet:
-    """A channel that carries nothing alone; ``offs`` counts its bus-offs."""
+    """A channel that carries nothing alone; ``bus_off_count`` counts its bus-offs."""
 
     def __init__(self) -> None:
         self.receivers = {}
-        self.offs = 0
+        self.bus_off_count = 0
         self.off = None
-        self.last_off = None
+        self.last_bus_off = None
 
     def subscribe(self, can_id, receiver) -> None:
         self.receivers[can_id] = receiver
@@ -78,8 +78,8 @@ def test_during_bus_off_a_module_is_not_operational_and_the_reason_is_reported()
     inputs, _ = talk.cycle(ENABLE)
     assert inputs.operational
     assert inputs.bus is None
-    talk.channel.off = talk.channel.last_off = BusOff("the controller is bus-off")
-    talk.channel.offs += 1
+    talk.channel.off = talk.channel.last_bus_off = BusOff("the controller is bus-off")
+    talk.channel.bus_off_count += 1
     for _ in range(3):
         inputs, _ = talk.cycle(ENABLE, dropped=True)
         assert not inputs.operational
@@ -91,8 +91,8 @@ def test_during_bus_off_a_module_is_not_operational_and_the_reason_is_reported()
 
 def test_a_bus_off_that_ends_before_the_next_cycle_is_reported_once():
     talk = turning()
-    talk.channel.last_off = BusOff("the controller is bus-off")
-    talk.channel.offs += 1
+    talk.channel.last_bus_off = BusOff("the controller is bus-off")
+    talk.channel.bus_off_count += 1
     inputs, _ = talk.cycle(ENABLE)
     assert not inputs.operational
     inputs, _ = talk.cycle(ENABLE)

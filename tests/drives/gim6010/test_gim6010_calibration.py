@@ -18,7 +18,7 @@ from axisbus.drives.gim6010.calibration import (
 )
 from axisbus.drives.gim6010.sim import axis
 from axisbus.drives.gim6010.sim.constants import Firmware
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
 from kit.module_dialogue import play
@@ -29,8 +29,8 @@ STEP = 0.002
 
 
 def bench(**more):
-    dials = {name: more.pop(name) for name in list(more) if hasattr(ModuleDials(), name)}
-    one = Bench(Module(5, dials=ModuleDials(**{"calibration_time": 0.25, **dials}), **more))
+    dials = {name: more.pop(name) for name in list(more) if hasattr(ModuleFaults(), name)}
+    one = Bench(Module(5, dials=ModuleFaults(**{"calibration_time": 0.25, **dials}), **more))
     one.run(0.3)
     return one
 
@@ -338,13 +338,13 @@ def test_a_module_that_ignores_idle_gets_estop():
 
 @pytest.mark.parametrize("firmware", [Firmware(0, 5, 11), Firmware(0, 5, 12), Firmware(0, 6, 5)])
 def test_every_layout_of_the_heartbeat_is_followed(firmware):
-    one = Bench(Module(5, firmware=firmware, dials=ModuleDials(calibration_time=0.25)))
+    one = Bench(Module(5, firmware=firmware, dials=ModuleFaults(calibration_time=0.25)))
     one.run(0.3)
     assert calibrated(CalibrationKind.FULL, one)[0].verdict.good
 
 
 def test_slow_heartbeats_are_waited_for():
-    one = Bench(Module(5, heartbeat_rate_ms=500, dials=ModuleDials(calibration_time=0.5)))
+    one = Bench(Module(5, heartbeat_rate_ms=500, dials=ModuleFaults(calibration_time=0.5)))
     one.run(0.3)
     assert calibrated(CalibrationKind.FULL, one)[0].verdict.good
 

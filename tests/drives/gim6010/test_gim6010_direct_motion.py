@@ -9,7 +9,7 @@ import pytest
 from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.calibration import Calibration, CalibrationKind
 from axisbus.drives.gim6010.direct_motion import HeartbeatMonitor, PowerOff
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.tuning import Gains, Loop, ModuleTrial, ModuleTuning
 from axisbus.errors import ArgumentError
@@ -40,7 +40,7 @@ JOLTS = (  # after these the plant alone is not smooth
 @pytest.mark.parametrize("name", DIALOGUES)
 def test_each_dialogue_ends_and_reports_the_truth_under_random_losses_and_faults(name, seed):
     chance = random.Random(f"{name} {seed}")
-    one = Bench(Module(5, vel_ramp_rate=20.0, dials=ModuleDials(calibration_time=0.2, restart_time=0.3)))
+    one = Bench(Module(5, vel_ramp_rate=20.0, dials=ModuleFaults(calibration_time=0.2, restart_time=0.3)))
     one.run(0.3)
     dialogue, part = DIALOGUES[name](), chance.choice([0.0, 0.02, 0.2])
     moments = sorted(chance.uniform(1.5, 4.5) for _ in range(2))

@@ -15,7 +15,7 @@ from axisbus.drives.gim6010.discovery import report_text
 from axisbus.drives.gim6010.discovery.finder import Bounds, Finder, ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
 from axisbus.drives.gim6010.sim.constants import Firmware
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
 from kit.module_search import Search, search
@@ -147,7 +147,7 @@ def test_requests_of_canopen_never_reach_a_module_as_commands():
 
 
 def test_errors_and_a_closed_loop_are_reported():
-    module = Module(5, dials=ModuleDials(motor_error=0x8, encoder_error=0x4))
+    module = Module(5, dials=ModuleFaults(motor_error=0x8, encoder_error=0x4))
     found = search(module).found["CAN Simple", 5]
     assert any("DRV_FAULT" in each for each in found.errors)
     assert any("NO_RESPONSE" in each for each in found.errors)
@@ -162,7 +162,7 @@ def test_errors_and_a_closed_loop_are_reported():
 
 
 def test_a_module_that_answers_no_endpoint_and_no_error_word():
-    dials = ModuleDials(endpoints=False, get_error_answered=False)
+    dials = ModuleFaults(endpoints=False, get_error_answered=False)
     found = search(Module(5, dials=dials))
     must_be_bounded(found)
     one = found.found["CAN Simple", 5]
@@ -175,12 +175,12 @@ def test_a_module_that_answers_no_endpoint_and_no_error_word():
 
 
 def test_answers_on_the_other_command_are_taken():
-    found = search(Module(5, dials=ModuleDials(endpoint_answer=0x05)))
+    found = search(Module(5, dials=ModuleFaults(endpoint_answer=0x05)))
     assert found.found["CAN Simple", 5].firmware == "0.5.13"
 
 
 def test_error_words_sent_unasked_are_not_mistaken_for_answers():
-    found = search(Module(5, dials=ModuleDials(motor_error=8), motor_error_rate_ms=20))
+    found = search(Module(5, dials=ModuleFaults(motor_error=8), motor_error_rate_ms=20))
     assert not [each for each in found.sent if each.can_id == 5 << 5 | 3]
     one = found.found["CAN Simple", 5]
     assert any(each.startswith("motor: its heartbeat reports a fault") for each in one.errors)
@@ -235,7 +235,7 @@ def test_two_modules_of_one_id_that_beat_as_one_are_reported_by_their_answers():
 @pytest.mark.parametrize("when", [0.2, 0.7, 1.2, 1.49, 1.52, 1.6])
 @pytest.mark.parametrize("silence", [0.2, 1.5])
 def test_a_module_that_restarts_meanwhile(when, silence):
-    module = Module(5, dials=ModuleDials(restart_time=silence))
+    module = Module(5, dials=ModuleFaults(restart_time=silence))
 
     def at(now):
         if module.restarts == 0 and now.wire.now > when:
@@ -318,7 +318,7 @@ def test_answers_of_wrong_lengths_are_reported_and_not_used(length):
             return [(request.can_id, bytes(length))]
         return ()
 
-    found = search(Module(5, dials=ModuleDials(endpoints=False)), answer=answer)
+    found = search(Module(5, dials=ModuleFaults(endpoints=False)), answer=answer)
     must_be_bounded(found)
     one = found.found["CAN Simple", 5]
     assert one.voltage in (None, 24.0)

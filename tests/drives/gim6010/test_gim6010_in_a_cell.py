@@ -10,7 +10,7 @@ from axisbus.cell.parameters import axis_parameters
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.master_detection import Sign, sign_of
 from axisbus.core.files import load_dictionaries
-from axisbus.core.master_detection import cast_of
+from axisbus.core.master_detection import expected_masters_of
 from axisbus.eds import builtin
 from kit.cell import MODULE, cell_text
 
@@ -41,9 +41,9 @@ acceleration = 80.0
     beat, estimates = CanFrame(0.0, 0x601, bytes(8)), CanFrame(0.0, 0x609, bytes(8))
     target, state = CanFrame(0.0, 0x60C, bytes(8)), CanFrame(0.0, 0x607, bytes(8))
     without, _ = reader.loads(cell_text("xy"), str(tmp_path / "cell.toml"))
-    assert sign_of(beat, cast_of(without, load_dictionaries(without))) == (Sign.SDO, 1)
+    assert sign_of(beat, expected_masters_of(without, load_dictionaries(without))) == (Sign.SDO, 1)
     with_it, _ = reader.loads(cell_text("xy", more=more), str(tmp_path / "cell.toml"))
-    cast = cast_of(with_it, load_dictionaries(with_it))
+    cast = expected_masters_of(with_it, load_dictionaries(with_it))
     assert sign_of(beat, cast) is None
     assert sign_of(estimates, cast) is None
     assert sign_of(target, cast) == (Sign.MODULE, 48)

@@ -16,7 +16,7 @@ from axisbus.cia301.frame import CanFrame
 from axisbus.drives.gim6010.can_simple.mit import MitCommand, MitFeedback, MitRanges
 from axisbus.drives.gim6010.mit_control import MitLeader, MitSettings, PositionCrossCheck, ranges_of
 from axisbus.drives.gim6010.sim.constants import Firmware
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError
 from axisbus.sim.motor import MotorParams
@@ -86,8 +86,8 @@ class ControllerBench:
 
 
 def made(params=None, **more):
-    dials = {name: more.pop(name) for name in list(more) if hasattr(ModuleDials(), name)}
-    one = Bench(Module(5, dials=ModuleDials(**dials), params=params, **more))
+    dials = {name: more.pop(name) for name in list(more) if hasattr(ModuleFaults(), name)}
+    one = Bench(Module(5, dials=ModuleFaults(**dials), params=params, **more))
     one.run(0.3)
     return one
 

@@ -8,7 +8,7 @@ import pytest
 
 from axisbus.drives.gim6010.discovery.finder import ProbeScope
 from axisbus.drives.gim6010.discovery.results import findings
-from axisbus.drives.gim6010.node_id_preconditions import require_alone
+from axisbus.drives.gim6010.node_id_preconditions import require_no_other_master
 from axisbus.drives.gim6010.settings import watchdog, zero
 from axisbus.drives.gim6010.settings.parameter_settings import (
     PATHS,
@@ -20,7 +20,7 @@ from axisbus.drives.gim6010.settings.parameter_settings import (
     shown,
     termination,
 )
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.errors import ArgumentError, LimitError, NodeError, StateError
 from kit.module_search import search
@@ -166,7 +166,7 @@ def surveyed(*modules, **more):
 
 
 def test_a_module_that_is_alone_gets_another_rate():
-    require_alone(*surveyed(Module(5)), 5)
+    require_no_other_master(*surveyed(Module(5)), 5)
 
 
 @pytest.mark.parametrize(
@@ -180,13 +180,13 @@ def test_a_module_that_is_alone_gets_another_rate():
 )
 def test_the_bit_rate_is_not_changed_if_the_module_is_not_alone(others):
     with pytest.raises(StateError, match="not alone"):
-        require_alone(*surveyed(Module(16), *others), 16)
+        require_no_other_master(*surveyed(Module(16), *others), 16)
 
 
 def test_foreign_traffic_counts_as_another_node():
     found = surveyed(Module(16), strangers=lambda _: [(0x7E9, b"1")])
     with pytest.raises(StateError, match="7E9h"):
-        require_alone(*found, 16)
+        require_no_other_master(*found, 16)
 
 
 def found_at_rate(module, rate):
@@ -198,7 +198,7 @@ def found_at_rate(module, rate):
 @pytest.mark.parametrize(("cut", "at"), [(0, 500_000), (1, 500_000), (None, 1_000_000)])
 def test_cut_off_at_each_step_it_is_found_at_one_rate(cut, at):
     """Before the write and before the save it is at the old one, after a start too; after the save at the new one."""
-    module = Module(5, dials=ModuleDials(line_bitrate=500_000))
+    module = Module(5, dials=ModuleFaults(line_bitrate=500_000))
     found = PlainParameters(module, cut=cut)
     try:
         apply(found, bit_rate(1_000_000), lambda _: None)

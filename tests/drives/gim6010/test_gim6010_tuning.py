@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from axisbus.drives.gim6010 import tuning as search
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.drives.gim6010.tuning import Gains, Loop, ModuleTrial, ModuleTuning, explanation
 from axisbus.errors import ArgumentError
@@ -38,7 +38,7 @@ VELOCITY = ModuleTrial(5, Loop.VELOCITY, 4.0, 1.0)
 
 
 def bench(params=None, **dials):
-    one = Bench(Module(5, dials=ModuleDials(**dials), params=params, vel_ramp_rate=20.0))
+    one = Bench(Module(5, dials=ModuleFaults(**dials), params=params, vel_ramp_rate=20.0))
     one.run(0.3)
     return one
 

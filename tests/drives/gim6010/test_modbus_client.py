@@ -10,13 +10,13 @@ from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.dialogue import QUIET, ModbusClient, ModbusRefused
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, named
 from axisbus.drives.gim6010.modbus.requests import ModbusTimeout, Reply
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, StationFaults
 from axisbus.errors import ArgumentError, NodeTimeout
 from kit.modbus.virtual_wire import VirtualWire
 
 
 def line(device=1, **dials):
-    station = Station(dials=LineDials(**dials))
+    station = Station(dials=StationFaults(**dials))
     wire = VirtualWire(station)
     return station, wire, ModbusClient(wire, device)
 

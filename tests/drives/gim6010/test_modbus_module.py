@@ -7,13 +7,13 @@ import pytest
 from axisbus.drives.gim6010.modbus.dialogue import ModbusRefused
 from axisbus.drives.gim6010.modbus.module import ModbusModule, look, set_node_id
 from axisbus.drives.gim6010.modbus.registers import REGISTERS, RegisterKind
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, StationFaults
 from axisbus.errors import ArgumentError, LimitError, NodeError, NodeTimeout, StateError
 from kit.modbus.virtual_wire import VirtualWire
 
 
 def line(*others, **dials):
-    station = Station(dials=LineDials(**dials))
+    station = Station(dials=StationFaults(**dials))
     wire = VirtualWire(station, *others)
     return station, wire, ModbusModule(wire, 1)
 

@@ -10,7 +10,7 @@ from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.settings import zero
 from axisbus.drives.gim6010.settings.parameter_settings import apply
 from axisbus.drives.gim6010.sim import constants
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, StationFaults
 from axisbus.errors import ArgumentError, NodeError, StateError
 from kit.modbus.virtual_wire import VirtualWire, list_of
 
@@ -22,7 +22,7 @@ LIMIT, WATCHDOG, TIMEOUT = (
 
 
 def opened(**dials):
-    station = Station(dials=LineDials(**dials))
+    station = Station(dials=StationFaults(**dials))
     wire = VirtualWire(station)
     parameters = ModbusParameters(ModbusModule(wire, 1))
     parameters.open(*list_of(station))
@@ -159,7 +159,7 @@ def set_zero(parameters):
 @pytest.mark.parametrize("turns", [0.0, 0.3, -0.3, 2.75, -7.99])
 @pytest.mark.parametrize("offset", [0.0, 0.6])
 def test_zero_is_the_present_position(turns, offset):
-    station = Station(dials=LineDials())
+    station = Station(dials=StationFaults())
     station.module.usb_write("axis0.encoder.config.index_offset", offset)
     station.module.usb_write("axis0.encoder.config.use_index_offset", 1)
     station.module.parameters.save()

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.drives.gim6010.sim.modbus.station import Frames, LineDials, Station, checksum, framed
+from axisbus.drives.gim6010.sim.modbus.station import Frames, Station, StationFaults, checksum, framed
 from axisbus.drives.gim6010.sim.module import Module
 
 
@@ -16,7 +16,7 @@ class Line:
     """A station that is spoken to in hex, without checksums."""
 
     def __init__(self, station=None, **dials):
-        self.station = station or Station(dials=LineDials(**dials))
+        self.station = station or Station(dials=StationFaults(**dials))
         self.time = 0.0
 
     def ask(self, text, wait=0.01):

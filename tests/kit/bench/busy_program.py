@@ -109,9 +109,9 @@ def theirs(load: Callable[[float], None], seconds: float) -> dict[str, float]:
     import canopen
 
     from axisbus.bus.link.socketpair_bus import PairBus
-    from axisbus.core.process.launch import cable
+    from axisbus.core.process.launch import can_line
 
-    near, far = cable()
+    near, far = can_line()
     stamps: list[float] = []
 
     class Stamping(PairBus):
@@ -147,9 +147,9 @@ def _of_grid(stamps: list[float]) -> dict[str, float]:
 
 def control(load: Callable[[float], None], seconds: float) -> dict[str, float]:
     """The C program, beside this one with its load."""
-    from axisbus.core.process.launch import cable
+    from axisbus.core.process.launch import can_line
 
-    near, far = cable()
+    near, far = can_line()
     with draining(far):
         command = [os.environ["AXISBUS_CONTROL"], str(near.fileno()), str(int(PERIOD * 1e6)), str(seconds)]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, pass_fds=[near.fileno()])

@@ -51,7 +51,7 @@ def _words(cell: Cell, name: str, *words: int) -> None:
     drive = cell.drive(name)
     for word in words:
         drive.controlword = word
-        drive.hear()
+        drive.evaluate_controlword()
 
 
 def _set_point(cell: Cell, name: str, value: float) -> None:

@@ -12,7 +12,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from axisbus.cell import reader
-from axisbus.core.sim_server import Served
+from axisbus.core.sim_server import ServedDrives
 from axisbus.drives.gim6010.sim.module import Module
 from axisbus.sim.socketcand_server import Server
 from kit.scenarios.program import TESTS
@@ -91,7 +91,7 @@ def write(folder: Path, bus: str, stop: str = 'quick_stop = "ramp"') -> Path:
 class Plants:
     """The motors behind a served bus, whatever becomes of the programs on it; velocities in turns/s of the rotor."""
 
-    def __init__(self, folder: Path, server: Server, served: Served, process: str, stop: str) -> None:
+    def __init__(self, folder: Path, server: Server, served: ServedDrives, process: str, stop: str) -> None:
         self._served = served
         options = f"options = {{ host = '127.0.0.1', port = {server.port} }}"
         bus = f'interface = "socketcand"\nchannel = "{server.channel}"\n{options}\nprocess = "{process}"'
@@ -100,7 +100,7 @@ class Plants:
     @property
     def module(self) -> Module:
         """The module."""
-        found = self._served._own[MODULE].guest
+        found = self._served._cell_foreign_nodes[MODULE].foreign_node
         assert isinstance(found, Module)
         return found
 
@@ -136,7 +136,7 @@ def stay(so: Callable[[], bool], seconds: float, for_good: float = 0.3) -> bool:
 @contextmanager
 def served(folder: Path, process: str = "own", stop: str = 'quick_stop = "ramp"') -> Iterator[Plants]:
     """Serve the drives of the cell from this process, on any port; the cell's core is to run in a ``process`` of this kind."""
-    made = Served(reader.load(write(folder, 'interface = "sim"', stop)), ())
+    made = ServedDrives(reader.load(write(folder, 'interface = "sim"', stop)), ())
     with made.serve(0) as server:
         yield Plants(folder, server, made, process, stop)
 

@@ -179,14 +179,14 @@ class Rig:
         """Let time pass with the scan."""
         end = self.now + seconds
         while self.now < end and not self.scan.ended:
-            self.scan.waiter_pump.pump()
+            self.scan.waiter_pump.run_cycle()
 
     def until(self, done, limit: float = 10.0) -> float:
         """Let time pass until ``done()``; return the seconds."""
         start = self.now
         while not done():
             assert self.now - start < limit, f"not within {limit} s"
-            self.scan.waiter_pump.pump()
+            self.scan.waiter_pump.run_cycle()
         return self.now - start
 
     def commands(self, since: float = 0.0, *, questions: bool = False) -> list[int]:

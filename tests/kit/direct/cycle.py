@@ -139,7 +139,7 @@ class DirectCycle:
             return
         for device in self.devices:
             if not device.dials.dead:
-                device.heartbeat_of(self._master_id)
+                device.receive_heartbeat(self._master_id)
 
     def quick_stop_all(self) -> bool:
         """Send the last controlwords once more as quick stops, and one SYNC, and return whether that was possible; never raises."""

@@ -363,7 +363,7 @@ class DirectPort:
             setattr(self.drive, name, value)
         elif value != self.drive.controlword:
             self.drive.controlword = value
-            self.drive.hear()
+            self.drive.evaluate_controlword()
 
     def _send_by_sdo(self, name: str, value: int, now: float) -> None:
         if self._sent_by_sdo.get(name) != value:

@@ -18,11 +18,11 @@ class PumpWaiter:
         """``then`` is called with the virtual time after each cycle; it may wait itself."""
         self._scan = scan
         self._then = then
-        self._pumping: int | None = None
+        self._cycle_thread: int | None = None
 
-    def is_pumping(self) -> bool:
+    def is_in_cycle(self) -> bool:
         """Whether the caller runs within a cycle, as a handle's callback does."""
-        return self._pumping == threading.get_ident()
+        return self._cycle_thread == threading.get_ident()
 
     def wait(self, done: Callable[[], bool], timeout: float | None) -> bool:
         """Execute cycles until ``done()`` or until ``timeout`` seconds of virtual time have passed; see ``Waiter``."""
@@ -30,15 +30,15 @@ class PumpWaiter:
         while not done() and not self._scan.ended:
             if until is not None and self._scan.cycle.now() >= until:
                 break
-            self.pump()
+            self.run_cycle()
         return done()
 
-    def pump(self) -> None:
+    def run_cycle(self) -> None:
         """Execute one cycle; a failing scan ends every handle. An error other than an AxisbusError is also raised here."""
         scan = self._scan
         if scan.ended:
             return
-        outer, self._pumping = self._pumping, threading.get_ident()
+        outer, self._cycle_thread = self._cycle_thread, threading.get_ident()
         try:
             scan.once()
         except BaseException as error:
@@ -47,6 +47,6 @@ class PumpWaiter:
                 raise
             return
         finally:
-            self._pumping = outer
+            self._cycle_thread = outer
         if self._then is not None:
             self._then(scan.cycle.now())

@@ -37,5 +37,5 @@ class Beam:
 def tied(first: Device, second: Device, stiffness: float, damping: float = 0.0) -> Beam:
     """Couple the first drives of two devices; the force is computed in every step of the second device."""
     beam = Beam(first.drives[0], second.drives[0], stiffness, damping)
-    second.ties.append(beam.step)
+    second.step_hooks.append(beam.step)
     return beam

@@ -12,7 +12,7 @@ from axisbus.core.scan import Scan
 from axisbus.drives.gim6010.can_simple.port.port import ModulePort
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings, TorqueSettings
 from axisbus.drives.gim6010.modbus.can_emulation import Relay
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, StationFaults
 from axisbus.machine.axis import Axis
 from axisbus.machine.command_dispatch import CommandDispatcher
 from axisbus.motion.axis.core import AxisCore
@@ -113,7 +113,7 @@ def line_rig(
     ``changes`` are other parameters of the axis, ``dials`` the fault settings of the line.
     """
     settings = replace(_SETTINGS, line_mode=mode, torque=_TORQUE if mode is TORQUE else None)
-    station = Station(dials=LineDials(**dials))
+    station = Station(dials=StationFaults(**dials))
     for path, value in _OWN.items():
         station.module.usb_write(path, value)
     station.module.motor.position = turns * 16384

@@ -7,7 +7,7 @@ from axisbus.drives.gim6010.can_simple.orders import TRAPEZOID, Orders
 from axisbus.drives.gim6010.can_simple.port.feedback import ModuleFeedback
 from axisbus.drives.gim6010.can_simple.port.settings import HEARTBEAT_BY_LINE, ModuleSettings
 from axisbus.drives.gim6010.modbus.can_emulation import Relay
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, StationFaults
 from kit.modbus.virtual_wire import VirtualWire, list_of
 
 SETTINGS = ModuleSettings(1, 20.0, 10.0, 40.0, 80.0, 0.02, heartbeat=HEARTBEAT_BY_LINE, relayed=True)
@@ -19,7 +19,7 @@ class RelayLine:
     """One station behind a relay; its answers go into a ``ModuleFeedback``."""
 
     def __init__(self, *, listed=True, calibrates=False, **dials):
-        self.station = Station(dials=LineDials(**dials))
+        self.station = Station(dials=StationFaults(**dials))
         self.wire = VirtualWire(self.station, timeout=0.1)
         self.relay = Relay(self.wire, {1: list_of(self.station) if listed else None}, calibrates=calibrates)
         self.hearing = ModuleFeedback(SETTINGS)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from axisbus.drives.gim6010.modbus.module import ModbusModule
-from axisbus.drives.gim6010.sim.modbus.station import LineDials, Station
+from axisbus.drives.gim6010.sim.modbus.station import Station, StationFaults
 from kit.modbus.virtual_wire import VirtualWire
 
 RAMP = 20.0  # turns/s² of the module's own ramp, which no register contains
@@ -14,7 +14,7 @@ class Rig:
     """One station with a quick ramp, and its wire."""
 
     def __init__(self, turns: float = 0.0, **dials: object) -> None:
-        self.station = Station(dials=LineDials(**dials))
+        self.station = Station(dials=StationFaults(**dials))
         for path, value in _SETTINGS.items():
             self.plant.usb_write(path, value)
         self.plant.motor.position = turns * 16384

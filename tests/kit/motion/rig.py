@@ -90,14 +90,14 @@ class Rig:
         """Let time pass with the scan running."""
         end = self.cycle.now() + seconds
         while self.cycle.now() < end and not self.scan.ended:
-            self.scan.waiter_pump.pump()
+            self.scan.waiter_pump.run_cycle()
 
     def until(self, done, limit: float = 10.0) -> float:
         """Let time pass until ``done()``; return the seconds it took."""
         start = self.now
         while not done():
             assert self.now - start < limit, f"not within {limit} s of virtual time"
-            self.scan.waiter_pump.pump()
+            self.scan.waiter_pump.run_cycle()
         return self.now - start
 
     def enabled(self) -> Rig:
@@ -157,5 +157,5 @@ def rig(
         name: Group(name, {axis: axes[axis] for axis in members}, commanding)
         for name, members in groups.items()
     }
-    waiter.pump()
+    waiter.run_cycle()
     return Rig(scan, axes, fronts, devices, cycle, ports, session)

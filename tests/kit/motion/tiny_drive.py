@@ -237,9 +237,9 @@ class TinyDrive:
         word = WORDS[self.state] | 0x0210
         if self.state != "enabled":
             return word
-        standing = self.velocity == 0
+        at_standstill = self.velocity == 0
         if self._word & 0x100:
-            return word | 0x0400 if standing else word
+            return word | 0x0400 if at_standstill else word
         if self.mode_display == PP:
             return word | 0x0400 * self._reached | 0x1000 * self._acknowledge
         if self.mode_display == HM:

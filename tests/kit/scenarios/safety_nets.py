@@ -25,8 +25,8 @@ def _nothing(*_: object) -> None:
 
 
 _RESCUE = (
-    (NodeStop, "_order", _nothing),
-    (NodeStop, "_order_at_once", _nothing),
+    (NodeStop, "_write_controlword", _nothing),
+    (NodeStop, "_send_controlword", _nothing),
     (NodeStop, "_stop_node", _nothing),
 )
 # Net: its replacement (owner, attribute, replacement).

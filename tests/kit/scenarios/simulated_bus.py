@@ -20,7 +20,7 @@ from axisbus.machine.machine import Machine
 from axisbus.sim.build import device_from_eds
 from axisbus.sim.device import Device
 from axisbus.sim.drive import Drive
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 from kit.cell import SCALE, cell_text
 from kit.plant_probe import PlantProbe, RealTime
 from kit.scenarios.safety_nets import patience
@@ -53,14 +53,14 @@ class Line(RealTime, PlantProbe):
             for node, name in enumerate(names, start=1)
             if name in (names if present is None else present)
         }
-        self.stand_ins = StandIns(self.channel, list(self.devices.values()))
+        self.simulated_nodes = SimulatedNetwork(self.channel, list(self.devices.values()))
 
     def __enter__(self) -> Line:
-        self.stand_ins.start()
+        self.simulated_nodes.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self.stand_ins._shut()
+        self.simulated_nodes._shut()
 
     def open(self) -> Machine:
         """Open the machine on this channel."""
@@ -74,7 +74,7 @@ class Line(RealTime, PlantProbe):
 
     def device_write(self, name: str, index: int, value: int) -> None:
         """Set an object of the node behind an axis, as its commissioning tool would."""
-        with self.stand_ins.lock:
+        with self.simulated_nodes.lock:
             self.devices[name].write(index, 0, value)
 
     def scale_of(self, name: str) -> float:
@@ -84,7 +84,7 @@ class Line(RealTime, PlantProbe):
     @property
     def lock(self) -> AbstractContextManager[object]:
         """The lock that stops the plants meanwhile."""
-        return self.stand_ins.lock
+        return self.simulated_nodes.lock
 
     def must_be_still(
         self,

@@ -31,7 +31,7 @@ from kit.sim.sdo_wire import FILE, TIMEOUT, SdoWire
 _OLD = b"old"
 _MOVING = ("session", "server", "_to_server", "_to_client", "_late", "now", "heard", "content")
 # No part of the state: diagnosis, constants, and times, which count from now (see ``_state``).
-_NO_STATE = frozenset({"strays", "_dictionary", "_dials", "_heard"})
+_NO_STATE = frozenset({"strays", "_dictionary", "_dials", "_last_request"})
 
 
 class Sweep:
@@ -120,7 +120,7 @@ class Sweep:
     def _state(self) -> bytes:
         """Return a digest of the complete state; no frame is lost any more by then."""
         wire = self._wire
-        waits = [wire.now - wire.heard, wire.now - wire.server._heard]
+        waits = [wire.now - wire.heard, wire.now - wire.server._last_request]
         pipes = [[(max(0.0, round(due - wire.now, 9)), frame) for due, frame in pipe] for pipe in wire.pipes]
         parts = _plain((wire.session, wire.server, waits, wire.content == self._data))
         return hashlib.blake2b(marshal.dumps((parts, pipes), 2), digest_size=16).digest()

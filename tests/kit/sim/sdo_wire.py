@@ -56,13 +56,13 @@ class SdoWire:
     def content(self, data: bytes) -> None:
         self.dictionary.values[FILE[0] << 8] = data
 
-    def upload(self, way: SdoTransferType = SdoTransferType.BLOCK, tries: int = 3) -> SdoSession:
-        return self.run(SdoTransferRequest(*FILE, None, TIMEOUT, tries, way))
+    def upload(self, transfer_type: SdoTransferType = SdoTransferType.BLOCK, tries: int = 3) -> SdoSession:
+        return self.run(SdoTransferRequest(*FILE, None, TIMEOUT, tries, transfer_type))
 
     def download(
-        self, data: bytes, way: SdoTransferType = SdoTransferType.BLOCK, tries: int = 3
+        self, data: bytes, transfer_type: SdoTransferType = SdoTransferType.BLOCK, tries: int = 3
     ) -> SdoSession:
-        return self.run(SdoTransferRequest(*FILE, data, TIMEOUT, tries, way))
+        return self.run(SdoTransferRequest(*FILE, data, TIMEOUT, tries, transfer_type))
 
     def run(self, request: SdoTransferRequest) -> SdoSession:
         session = self.begin(request)
@@ -99,9 +99,9 @@ class SdoWire:
         while self._to_server:
             self._serve()
 
-    def said(self, way: str) -> list[str]:
+    def said(self, transfer_type: str) -> list[str]:
         """All frames of one direction ("<" are the server's) as hexadecimal text."""
-        return [frame.hex() for direction, frame in self.frames if direction == way]
+        return [frame.hex() for direction, frame in self.frames if direction == transfer_type]
 
     def _server_is_next(self, deadline: float) -> bool:
         if not self._to_server:
@@ -119,8 +119,8 @@ class SdoWire:
         for frame in frames:
             self._travel(">", frame, self._to_server)
 
-    def _travel(self, way: str, frame: bytes, pipe: deque[tuple[float, bytes]]) -> None:
-        self.frames.append((way, frame))
+    def _travel(self, transfer_type: str, frame: bytes, pipe: deque[tuple[float, bytes]]) -> None:
+        self.frames.append((transfer_type, frame))
         delay = self.fate(len(self.frames), frame)
         if delay is not None:
             arrival = self.now + delay

@@ -16,7 +16,7 @@ from axisbus.drives import registry
 from axisbus.errors import AdapterError, ArgumentError, AxisbusError, PlatformError
 
 # What an interface needs in addition to python-can.
-_NEEDS: Mapping[str, str] = {
+_INSTALLATION: Mapping[str, str] = {
     "canalystii": 'pip install "python-can[canalystii]"',
     "cantact": 'pip install "python-can[cantact]"',
     "etas": "install ETAS BOA",
@@ -106,13 +106,15 @@ def _require_linux() -> None:
         )
 
 
-def check_link(name: str, bitrate: int | None, ask: Callable[[str], socketcan.CanInterface | None]) -> None:
+def check_link(
+    name: str, bitrate: int | None, find_link: Callable[[str], socketcan.CanInterface | None]
+) -> None:
     """Check that the SocketCAN link exists, is up, and runs at ``bitrate`` (None: any rate).
 
     Raises:
         AdapterError: it does not.
     """
-    found = ask(name)
+    found = find_link(name)
     if found is None:
         others = socketcan.links()
         raise AdapterError(
@@ -182,7 +184,7 @@ def _remedy(interface: str, error: Exception) -> str:
     if isinstance(error, (can.CanInterfaceNotImplementedError, ImportError, NameError)) or "library" in str(
         error
     ):
-        return _NEEDS.get(interface, "install the adapter's driver and its Python package")
+        return _INSTALLATION.get(interface, "install the adapter's driver and its Python package")
     return "check that the adapter is plugged in, that no other program uses it, and the name of the channel"
 
 
@@ -201,7 +203,7 @@ _SILENT: Mapping[str, Mapping[str, object]] = {
     "systec": {"state": can.BusState.PASSIVE},
     "vector": {"listen_only": True},
 }
-_WIRELESS = NO_RATE | {"sim"}
+_WITHOUT_WIRE = NO_RATE | {"sim"}
 
 
 def silent(interface: str, options: Mapping[str, object]) -> dict[str, object]:
@@ -219,10 +221,10 @@ def forced(interface: str, options: Mapping[str, object]) -> dict[str, object]:
     return {**options, **_SILENT[interface]}
 
 
-def manner(interface: str) -> str:
+def listening_text(interface: str) -> str:
     """Return a text on the adapter's behaviour while axisbus only listens."""
     if interface in _SILENT:
         return "the adapter is in listen-only mode: it does not even acknowledge"
-    if interface in _WIRELESS:
+    if interface in _WITHOUT_WIRE:
         return "we send nothing"
     return "this program sends nothing; the adapter acknowledges frames, as every node does"

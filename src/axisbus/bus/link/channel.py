@@ -13,8 +13,8 @@ the exception: ``send_urgent`` tries in any state and never raises.
 Bus-off is not a final failure, because a controller can be restarted. While it is ``off``, ``send`` and ``check`` raise ``BusOff``,
 and no frame is passed to the driver. Linux would accept the frames, keep them in the interface's queue, and send them in a burst at
 the restart, old set-points among them. (Frames that the queue accepted before the bus-off was reported cannot be withdrawn: some
-milliseconds' worth, which only taking the interface down discards.) ``off`` ends when the restart is reported. ``last_off`` and
-``offs`` remain, so that a short bus-off is not missed. ``on_failure`` is called for a bus-off too.
+milliseconds' worth, which only taking the interface down discards.) ``off`` ends when the restart is reported. ``last_bus_off`` and
+``bus_off_count`` remain, so that a short bus-off is not missed. ``on_failure`` is called for a bus-off too.
 
 After a failure or a bus-off, ``reopen`` opens the adapter again; receivers remain, and the nodes count as lost as after a bus-off.
 
@@ -47,10 +47,10 @@ from axisbus.bus.link.network import CanopenNetwork
 from axisbus.bus.link.raw_sockets import (
     CyclicSocket,
     FrameTransmitter,
-    Intake,
+    RawFrameSource,
     cyclic_socket,
-    intake_of,
-    line_of,
+    frame_source_of,
+    transmitter_of,
 )
 from axisbus.cia301 import cob
 from axisbus.cia301.dropped_frames import DropReason, Drops
@@ -62,7 +62,7 @@ from axisbus.errors import AdapterError, BusError, BusOff, StateError, TransmitQ
 
 Receiver = Callable[[bytes, float], None]
 Opener = Callable[[], "tuple[can.BusABC | CallingBus, CyclicSocket | None]"]  # opens an adapter again
-Ear = Callable[[CanFrame], None]
+FrameHandler = Callable[[CanFrame], None]
 _T = TypeVar("_T", bytes, int)  # the data of a frame, or the length that a remote frame requests
 
 RECEIVE_SLICE = 0.05  # seconds; the longest that close() waits for the receive thread
@@ -143,8 +143,8 @@ class Channel:
         self.on_failure: list[Callable[[BusError], None]] = []
         self._failure: BusError | None = None
         self._receivers: dict[int, tuple[Receiver, ...]] = {}
-        self._ears: tuple[Ear, ...] = ()
-        self._taps: tuple[Ear, ...] = ()
+        self._frame_handlers: tuple[FrameHandler, ...] = ()
+        self._taps: tuple[FrameHandler, ...] = ()
         self._send_timeout = send_timeout
         self._opener = opener
         self._cyclic = cyclic
@@ -154,8 +154,8 @@ class Channel:
             not isinstance(bus, can.BusABC) or name.partition(":")[0] in controller.LINUX_CLASSES
         )
         self.controller = CanController(name)
-        self.last_off: BusOff | None = None
-        self.offs = 0
+        self.last_bus_off: BusOff | None = None
+        self.bus_off_count = 0
         # Why nothing is sent now: the controller is bus-off, or refuses the frames of the scan.
         self.off: BusOff | TransmitQueueFull | None = None
         self._state_due = 0.0
@@ -167,7 +167,7 @@ class Channel:
         # For simulated drives: returns whether they have not yet received all sent frames.
         self.behind: Callable[[], bool] | None = None
         self._thread: threading.Thread | None = None
-        self._intake: Intake | None = None
+        self._source: RawFrameSource | None = None
         self._attach(bus)
         disown_in_children(self)
 
@@ -176,16 +176,16 @@ class Channel:
         self.bus = bus
         self.network.bus = bus  # type: ignore[assignment]  # or a simulated wire
         self._calling = None if isinstance(bus, can.BusABC) else bus
-        self._line: FrameTransmitter = (
-            line_of(bus, self._send_timeout) if isinstance(bus, can.BusABC) else bus
+        self._transmitter: FrameTransmitter = (
+            transmitter_of(bus, self._send_timeout) if isinstance(bus, can.BusABC) else bus
         )
-        self._freely = self._line.for_all  # without a lock
+        self._thread_safe = self._transmitter.thread_safe  # without a lock
         if not isinstance(bus, can.BusABC):
             bus.attach(self)
             return
-        self._intake = intake_of(bus)
+        self._source = frame_source_of(bus)
         self._thread = threading.Thread(
-            target=self._receive, args=(self._intake,), name=f"axisbus receive {self.name}", daemon=True
+            target=self._receive, args=(self._source,), name=f"axisbus receive {self.name}", daemon=True
         )
         self._thread.start()
 
@@ -290,8 +290,8 @@ class Channel:
             counters.received += len(taken)
             counters.octets += sum([len(data) for _, data, _ in taken])
             for can_id, data, stamp in taken:
-                if self._ears or self._taps:
-                    self._tell_ears(CanFrame(stamp, can_id, data))
+                if self._frame_handlers or self._taps:
+                    self._notify_handlers(CanFrame(stamp, can_id, data))
                 for receiver in receivers.get(can_id, ()):
                     try:
                         receiver(data, stamp)
@@ -299,35 +299,35 @@ class Channel:
                         self.fail(failures.receiver_failed(can_id, data, error))
         except OSError as error:
             if not self._closing:
-                self.fail(failures.deaf(self.name, error))
+                self.fail(failures.receive_failed(self.name, error))
 
     def _listen_cyclic(self, can_ids: frozenset[int]) -> None:
         if self._cyclic is not None and self._cyclic.listen(can_ids):
             self._cyclic_ids = can_ids
 
     @contextmanager
-    def overheard(self, ear: Ear) -> Iterator[None]:
-        """Call ``ear(frame)`` in the receive thread for every received frame, remote frames included, within the block.
+    def frames_to(self, handler: FrameHandler) -> Iterator[None]:
+        """Call ``handler(frame)`` in the receive thread for every received frame, remote frames included, within the block.
 
-        ``ear`` must not block. The frame's time is that of the clock at reception. Error frames go to ``controller``.
+        ``handler`` must not block. The frame's time is that of the clock at reception. Error frames go to ``controller``.
         """
         with self._state_lock:
-            self._ears = (*self._ears, ear)
+            self._frame_handlers = (*self._frame_handlers, handler)
         try:
             yield
         finally:
             with self._state_lock:
-                self._ears = tuple(other for other in self._ears if other is not ear)
+                self._frame_handlers = tuple(other for other in self._frame_handlers if other is not handler)
 
-    def tap(self, ear: Ear) -> None:
-        """Call ``ear(frame)`` for every frame, sent frames included, in the thread that handles it; ``ear`` must not block."""
+    def tap(self, handler: FrameHandler) -> None:
+        """Call ``handler(frame)`` for every frame, also sent ones, in the thread that handles it; ``handler`` must not block."""
         with self._state_lock:
-            self._taps = (*self._taps, ear)
+            self._taps = (*self._taps, handler)
 
-    def untap(self, ear: Ear) -> None:
+    def untap(self, handler: FrameHandler) -> None:
         """End the calls of ``tap``; harmless if they have ended."""
         with self._state_lock:
-            self._taps = tuple(other for other in self._taps if other != ear)
+            self._taps = tuple(other for other in self._taps if other != handler)
 
     def send(self, can_id: int, data: bytes, patience: float = SEND_PATIENCE) -> None:
         """Send a data frame; blocks up to ``patience`` seconds while the adapter's queue is full.
@@ -336,18 +336,18 @@ class Channel:
             BusOff: the controller is bus-off; the frame was not queued.
             AdapterError: the queue stayed full, or the adapter failed (also if another frame has been stuck in it for a second).
         """
-        if not self._freely or self._failure is not None or self._closing or self.off is not None:
-            self._send_paced(self._line.send, can_id, data, patience)
+        if not self._thread_safe or self._failure is not None or self._closing or self.off is not None:
+            self._send_paced(self._transmitter.send, can_id, data, patience)
             return
         try:
-            self._line.send(can_id, data)
+            self._transmitter.send(can_id, data)
         except can.CanError as error:
-            self._insist(self._line.send, can_id, data, patience, error)
+            self._insist(self._transmitter.send, can_id, data, patience, error)
         counters = self.counters
         counters.sent += 1
         counters.octets += len(data)
         if self._taps:
-            self._tell_taps(can_id, data)
+            self._notify_taps(can_id, data)
 
     def send_all(self, frames: Sequence[tuple[int, bytes]]) -> int:
         """Send data frames with as few calls as possible, without waiting; return how many were accepted. For the scan's thread.
@@ -359,13 +359,13 @@ class Channel:
             AdapterError: the channel has failed.
         """
         self.check()
-        taken = self._line.send_all(frames)
+        taken = self._transmitter.send_all(frames)
         counters = self.counters
         counters.sent += taken
         counters.octets += sum([len(data) for _, data in frames[:taken]])
         if self._taps:
             for can_id, data in frames[:taken]:
-                self._tell_taps(can_id, data)
+                self._notify_taps(can_id, data)
         return taken
 
     def send_remote(self, can_id: int, length: int = 0) -> None:
@@ -374,7 +374,7 @@ class Channel:
         Raises:
             AdapterError: as ``send``.
         """
-        self._send_paced(self._line.send_remote, can_id, length, SEND_PATIENCE)
+        self._send_paced(self._transmitter.send_remote, can_id, length, SEND_PATIENCE)
 
     def send_urgent(self, frames: Iterable[tuple[int, bytes]]) -> int:
         """Send stop frames in any state of the channel; return how many the adapter accepted. Never raises.
@@ -429,7 +429,7 @@ class Channel:
 
     def _release(self) -> None:
         """End the receive thread, and release the adapter."""
-        self._intake = None
+        self._source = None
         if self._thread is not None and not self.in_receive_thread:
             self._thread.join(CLOSE_PATIENCE)
         if self._cyclic is not None:
@@ -453,8 +453,8 @@ class Channel:
     def reopen(self) -> None:
         """Open the adapter again after a failure or a bus-off; may block as long as its driver does.
 
-        Receivers, taps and counters remain. ``offs`` counts it, so that every node counts as lost until it is heard again. No other
-        thread may read cyclic frames (``drain``) meanwhile.
+        Receivers, taps and counters remain. ``bus_off_count`` counts it, so that every node counts as lost until it is heard again.
+        No other thread may read cyclic frames (``drain``) meanwhile.
 
         Raises:
             StateError: as ``require_reopenable``.
@@ -471,8 +471,8 @@ class Channel:
         cyclic_ids, self._cyclic_ids = self._cyclic_ids, frozenset()
         self._cyclic = cyclic
         self.controller.reopened(self.clock.now())
-        self.last_off = failures.reopened(self.name)
-        self.offs += 1
+        self.last_bus_off = failures.reopened(self.name)
+        self.bus_off_count += 1
         self.off = self._failure = None
         self._attach(bus)
         with self._state_lock:
@@ -494,26 +494,33 @@ class Channel:
 
     # -- sending ------------------------------------------------------------------------------------------------------------------
 
-    def _send_paced(self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float) -> None:
+    def _send_paced(
+        self, send_one: Callable[[int, _T], None], can_id: int, what: _T, patience: float
+    ) -> None:
         if self._failure is not None or self._closing or self.off is not None:
             self.check()
-        error = self._attempt(give, can_id, what)
+        error = self._attempt(send_one, can_id, what)
         if error is not None:  # seldom
-            self._insist(give, can_id, what, patience, error)
+            self._insist(send_one, can_id, what, patience, error)
         self.counters.sent += 1
         if isinstance(what, bytes):
             self.counters.octets += len(what)
         if self._taps:
-            self._tell_taps(can_id, what)
+            self._notify_taps(can_id, what)
 
-    def _tell_taps(self, can_id: int, what: bytes | int) -> None:
+    def _notify_taps(self, can_id: int, what: bytes | int) -> None:
         """Pass a sent frame to the taps; a number: a remote frame."""
         data = what if isinstance(what, bytes) else b""
         extended, remote = can_id > cob.ID_MASK_11, data is not what
-        self._tell_all(self._taps, CanFrame(self.clock.now(), can_id, data, extended, remote))
+        self._notify_all(self._taps, CanFrame(self.clock.now(), can_id, data, extended, remote))
 
     def _insist(
-        self, give: Callable[[int, _T], None], can_id: int, what: _T, patience: float, error: Exception | None
+        self,
+        send_one: Callable[[int, _T], None],
+        can_id: int,
+        what: _T,
+        patience: float,
+        error: Exception | None,
     ) -> None:
         """Repeat a send that failed with ``error`` until the adapter accepts the frame."""
         deadline = math.inf
@@ -528,13 +535,13 @@ class Channel:
                 raise failures.refused(self.name, can_id, patience, error) from error
             self.clock.sleep(SEND_PAUSE)
             self.check()
-            error = self._attempt(give, can_id, what)
+            error = self._attempt(send_one, can_id, what)
 
-    def _attempt(self, give: Callable[[int, _T], None], can_id: int, what: _T) -> Exception | None:
+    def _attempt(self, send_one: Callable[[int, _T], None], can_id: int, what: _T) -> Exception | None:
         if not self._send_lock.acquire(blocking=False):
             self._acquire_send_lock()
         try:
-            give(can_id, what)
+            send_one(can_id, what)
         except Exception as error:  # noqa: BLE001 - drivers raise anything; the caller decides
             return error
         finally:
@@ -574,7 +581,7 @@ class Channel:
         left: list[tuple[int, bytes]] = []
         for number, (can_id, data) in enumerate(frames):
             try:
-                self._line.send(can_id, data)
+                self._transmitter.send(can_id, data)
             except Exception as error:  # noqa: BLE001 - no error may keep the next stop frame from being tried
                 if in_order and failures.is_full(error):
                     return [*left, *frames[number:]]
@@ -584,7 +591,7 @@ class Channel:
                 self.counters.sent += 1
                 self.counters.octets += len(data)
                 if self._taps:
-                    self._tell_taps(can_id, data)
+                    self._notify_taps(can_id, data)
         return left
 
     # -- receiving ----------------------------------------------------------------------------------------------------------------
@@ -593,8 +600,8 @@ class Channel:
         """Take a data frame with an 11-bit identifier from a ``CallingBus``."""
         stamp = self.clock.now()
         receivers = self._receivers.get(can_id)
-        if receivers is None or self._ears or self._taps or can_id in self.network.subscribers:
-            self._take(can_id, data, stamp, stamp)
+        if receivers is None or self._frame_handlers or self._taps or can_id in self.network.subscribers:
+            self._handle_data_frame(can_id, data, stamp, stamp)
             return
         self.counters.received += 1
         self.counters.octets += len(data)
@@ -611,26 +618,26 @@ class Channel:
     def take_failure(self, error: Exception) -> None:
         """Take the failure of a ``CallingBus``, which receives nothing any more."""
         if not self._closing:
-            self.fail(failures.deaf(self.name, error))
+            self.fail(failures.receive_failed(self.name, error))
 
-    def _receive(self, intake: Intake) -> None:
-        while self._intake is intake and not self._closing:
+    def _receive(self, source: RawFrameSource) -> None:
+        while self._source is source and not self._closing:
             try:
-                taken = intake.take(RECEIVE_SLICE)
+                taken = source.take(RECEIVE_SLICE)
                 now = self.clock.now()
-                for one in taken:
-                    if isinstance(one, tuple):
-                        self._take(*one, now)
+                for item in taken:
+                    if isinstance(item, tuple):
+                        self._handle_data_frame(*item, now)
                     else:
-                        self._dispatch(one, now)
+                        self._dispatch(item, now)
                 if now >= self._state_due:
-                    self._ask_state(now)
+                    self._poll_state(now)
             except Exception as error:  # noqa: BLE001 - any error must be stored and not only end this thread
-                if self._intake is intake and not self._closing:
-                    self.fail(failures.deaf(self.name, error))
+                if self._source is source and not self._closing:
+                    self.fail(failures.receive_failed(self.name, error))
                 return
 
-    def _ask_state(self, now: float) -> None:
+    def _poll_state(self, now: float) -> None:
         """Poll the driver for bus-off; a driver that raises is not polled again."""
         self._state_due = now + STATE_PERIOD
         try:
@@ -645,30 +652,30 @@ class Channel:
         if message.is_error_frame:
             self._error_frame(message, stamp)
             return
-        if self._ears or self._taps:
-            self._overhear(message, stamp)
+        if self._frame_handlers or self._taps:
+            self._pass_to_handlers(message, stamp)
         can_id, unfit = message.arbitration_id, _unfit(message)
         if unfit is None:
-            self._hear(can_id, bytes(message.data), message.timestamp, stamp)
+            self._handle_frame(can_id, bytes(message.data), message.timestamp, stamp)
         elif can_id in self._receivers:
             self.drops.frame(unfit, can_id, stamp, bytes(message.data))
 
-    def _take(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
+    def _handle_data_frame(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
         """Handle a data frame with an 11-bit identifier; ``came``: the adapter's own time."""
-        if self._ears or self._taps:
-            self._tell_ears(CanFrame(stamp, can_id, data))
-        self._hear(can_id, data, came, stamp)
+        if self._frame_handlers or self._taps:
+            self._notify_handlers(CanFrame(stamp, can_id, data))
+        self._handle_frame(can_id, data, came, stamp)
 
-    def _hear(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
+    def _handle_frame(self, can_id: int, data: bytes, came: float, stamp: float) -> None:
         self.counters.received += 1
         self.counters.octets += len(data)
-        heard = self._distribute(can_id, data, stamp)
+        has_receiver = self._distribute(can_id, data, stamp)
         if can_id in self.network.subscribers:
             self._hand_over(
                 lambda data, _: self.network.notify(can_id, bytearray(data), came), can_id, data, stamp
             )
-        elif not heard:
-            self.drops.unheard(can_id, stamp, data)
+        elif not has_receiver:
+            self.drops.unreceived(can_id, stamp, data)
 
     def _distribute(self, can_id: int, data: bytes, stamp: float) -> bool:
         """Pass a data frame to its receivers; return whether it has any."""
@@ -677,16 +684,16 @@ class Channel:
             self._hand_over(receiver, can_id, data, stamp)
         return bool(receivers)
 
-    def _overhear(self, message: can.Message, stamp: float) -> None:
-        self._tell_ears(of_message(message)._replace(time=stamp))
+    def _pass_to_handlers(self, message: can.Message, stamp: float) -> None:
+        self._notify_handlers(of_message(message)._replace(time=stamp))
 
-    def _tell_ears(self, frame: CanFrame) -> None:
-        self._tell_all((*self._ears, *self._taps), frame)
+    def _notify_handlers(self, frame: CanFrame) -> None:
+        self._notify_all((*self._frame_handlers, *self._taps), frame)
 
-    def _tell_all(self, ears: tuple[Ear, ...], frame: CanFrame) -> None:
-        for ear in ears:
+    def _notify_all(self, handlers: tuple[FrameHandler, ...], frame: CanFrame) -> None:
+        for handler in handlers:
             try:
-                ear(frame)
+                handler(frame)
             except Exception as error:  # noqa: BLE001 - as ``_hand_over``
                 self.fail(failures.receiver_failed(frame.can_id, frame.data, error))
 
@@ -710,9 +717,9 @@ class Channel:
         if event is None:
             return
         if (event.condition is CanErrorState.OFF or event.restarted) and not isinstance(self.off, BusOff):
-            self.off = self.last_off = failures.bus_off(self.name, event.counters)
-            self.offs += 1
-            self._tell(self.off)
+            self.off = self.last_bus_off = failures.bus_off(self.name, event.counters)
+            self.bus_off_count += 1
+            self._report_failure(self.off)
         if event.condition is not CanErrorState.OFF and isinstance(self.off, BusOff):
             self.off = None
 
@@ -725,12 +732,12 @@ class Channel:
             if self._failure is not None:
                 return
             self._failure = error
-        self._tell(error)
+        self._report_failure(error)
 
-    def _tell(self, error: BusError) -> None:
-        for notice in tuple(self.on_failure):
+    def _report_failure(self, error: BusError) -> None:
+        for callback in tuple(self.on_failure):
             try:
-                notice(error)
+                callback(error)
             except Exception as trouble:  # noqa: BLE001 - the failure itself must be reported to all
                 self.counters.errors.append(f"on reporting a failure: {trouble}")
 

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Self
 
-NOBODY = -1  # the user and the process of a claim that the kernel does not identify
+UNKNOWN_ID = -1  # the user and the process of a claim that the kernel does not identify
 _PROC = Path("/proc")
 _NONE = "-"
 _NAME = re.compile(
@@ -66,14 +66,15 @@ class CellFileId:
 
 @dataclass(frozen=True, slots=True)
 class ChannelClaim:
-    """An existing claim. ``exclusive``: only its holder may use the channel; ``door``: clients can connect to its socket.
+    """An existing claim. ``exclusive``: only its holder may use the channel; ``accepts_clients``: clients can connect to its
+    socket.
 
-    ``process``, ``user`` and ``group`` are those that began to listen, or ``NOBODY`` if the kernel does not report them.
+    ``process``, ``user`` and ``group`` are those that began to listen, or ``UNKNOWN_ID`` if the kernel does not report them.
     """
 
     name: str
     exclusive: bool
-    door: bool
+    accepts_clients: bool
     channel: str
     cell: CellFileId
     token: str
@@ -126,11 +127,11 @@ def digest(text: str) -> str:
 
 
 def claim(
-    channel: str | None, cell: CellFileId, *, exclusive: bool, door: bool, link: str | None = None
+    channel: str | None, cell: CellFileId, *, exclusive: bool, accepts_clients: bool, link: str | None = None
 ) -> HeldClaim:
     """Make a claim on a channel (by its key), a cell file, or both; ``link``: the SocketCAN link to mark."""
     token = f"{time.clock_gettime_ns(time.CLOCK_BOOTTIME):016x}{secrets.token_hex(4)}"
-    kind = ("x" if exclusive else "s") + ("d" if door else "n")
+    kind = ("x" if exclusive else "s") + ("d" if accepts_clients else "n")
     key = _NONE if channel is None else digest(channel)
     return HeldClaim(f"\0axisbus {kind} {key} {cell.path} {cell.inode} {token}", link)
 
@@ -140,12 +141,16 @@ def claims(*, channel: str | None = None, cell: CellFileId | None = None) -> lis
     key = None if channel is None else digest(channel)
     found = []
     for name, inode in _listening():
-        exclusive, door, claimed, path, file, token = re.fullmatch(_NAME, name[1:]).groups()  # type: ignore[union-attr]
+        exclusive, accepts_clients, claimed, path, file, token = re.fullmatch(_NAME, name[1:]).groups()  # type: ignore[union-attr]
         keys = CellFileId(path, file)
         if claimed == key or (cell is not None and cell.match(keys)):
             holder = _holder(name, inode)
             if holder is not None:
-                found.append(ChannelClaim(name, exclusive == "x", door == "d", claimed, keys, token, *holder))
+                found.append(
+                    ChannelClaim(
+                        name, exclusive == "x", accepts_clients == "d", claimed, keys, token, *holder
+                    )
+                )
     return sorted(found, key=lambda each: each.token)
 
 
@@ -187,18 +192,18 @@ def _listening() -> Iterator[tuple[str, str]]:
 
 def _holder(name: str, inode: str) -> tuple[int, int, int] | None:
     """Return the process, user and group that listen under ``name``, None if the socket no longer listens."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asking:
-        asking.setblocking(False)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.setblocking(False)
         try:
-            asking.connect(name)
-            return peer_of(asking)
+            probe.connect(name)
+            return peer_of(probe)
         except BlockingIOError:  # so many clients have connected that the queue is full
-            return _looked_up(inode) or (NOBODY, NOBODY, NOBODY)
+            return _process_with_inode(inode) or (UNKNOWN_ID, UNKNOWN_ID, UNKNOWN_ID)
         except OSError:
             return None
 
 
-def _looked_up(inode: str) -> tuple[int, int, int] | None:
+def _process_with_inode(inode: str) -> tuple[int, int, int] | None:
     """Return the first process that has the socket of this inode among its visible descriptors."""
     with suppress(OSError):
         folders = [folder for folder in _PROC.iterdir() if folder.name.isdigit()]

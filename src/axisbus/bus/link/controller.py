@@ -58,12 +58,12 @@ class CanController:
         counters = error_counters(error_class, data)
         if counters is not None:
             self.counters = counters
-        told = condition(error_class, data)
+        reported = condition(error_class, data)
         restart = is_restart(error_class)  # also if the bus-off before it was not received
-        if told is None or (told is self.condition and not restart):
+        if reported is None or (reported is self.condition and not restart):
             return None
         self._off_by_state = False
-        return self._change(told, stamp, restart)
+        return self._change(reported, stamp, restart)
 
     def state(self, off: bool, stamp: float) -> ControllerEvent | None:
         """Evaluate the driver's own state: bus-off or not; return the event if the state has changed."""
@@ -80,12 +80,12 @@ class CanController:
         self._off_by_state = False
         return self._change(CanErrorState.ACTIVE, stamp, restart=True)
 
-    def _change(self, told: CanErrorState, stamp: float, restart: bool = False) -> ControllerEvent:
+    def _change(self, reported: CanErrorState, stamp: float, restart: bool = False) -> ControllerEvent:
         restarted = restart or self.condition is CanErrorState.OFF
         if restarted:
             self.counters = None  # a restart clears them
-        self.condition = told
-        event = ControllerEvent(stamp, self._channel, told, self.counters, restarted)
+        self.condition = reported
+        event = ControllerEvent(stamp, self._channel, reported, self.counters, restarted)
         self.events.append(event)
         return event
 

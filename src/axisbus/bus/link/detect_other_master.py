@@ -18,7 +18,7 @@ _DEVICES = {
 _LINE = "\n            "  # under the text of ``observed``
 
 
-def require_alone(channel: Channel, cast: ExpectedMasters, seconds: float) -> None:
+def require_no_other_master(channel: Channel, expected: ExpectedMasters, seconds: float) -> None:
     """Listen for ``seconds`` without sending; blocks until then.
 
     Raises:
@@ -27,13 +27,13 @@ def require_alone(channel: Channel, cast: ExpectedMasters, seconds: float) -> No
         StateError: called in the receive thread.
     """
     require_other_thread(channel, "listening to the bus")
-    signs = MasterDetector(cast)
+    detector = MasterDetector(expected)
     begin = channel.clock.now()
-    with channel.overheard(signs.note):
+    with channel.frames_to(detector.note):
         channel.clock.sleep(seconds)
     channel.check()
-    if signs.heard:
-        raise refusal(channel.name, signs.heard, begin, seconds)
+    if detector.heard:
+        raise refusal(channel.name, detector.heard, begin, seconds)
 
 
 def refusal(name: str, heard: Iterable[MasterEvidence], begin: float, seconds: float) -> SecondMasterError:
@@ -86,11 +86,13 @@ def bus_activity(channel: Channel, listen: float) -> list[str]:
 
         return receive
 
-    ears: list[tuple[int, Receiver]] = [(cob.SYNC, note("SYNC is sent"))]
+    subscriptions: list[tuple[int, Receiver]] = [(cob.SYNC, note("SYNC is sent"))]
     for node_id in cob.NODE_IDS:
-        ears.append((cob.HEARTBEAT + node_id, note(f"node {node_id} is operational", NmtState.OPERATIONAL)))
-        ears.append((cob.TPDO[0] + node_id, note(f"node {node_id} sends PDOs")))
-    for can_id, receiver in ears:
+        subscriptions.append(
+            (cob.HEARTBEAT + node_id, note(f"node {node_id} is operational", NmtState.OPERATIONAL))
+        )
+        subscriptions.append((cob.TPDO[0] + node_id, note(f"node {node_id} sends PDOs")))
+    for can_id, receiver in subscriptions:
         channel.subscribe(can_id, receiver)
     try:
         end = channel.clock.now() + listen
@@ -98,7 +100,7 @@ def bus_activity(channel: Channel, listen: float) -> list[str]:
             channel.check()
             channel.clock.sleep(min(left, _SLICE))
     finally:
-        for can_id, receiver in ears:
+        for can_id, receiver in subscriptions:
             channel.unsubscribe(can_id, receiver)
     channel.check()
     return list(seen)

@@ -19,7 +19,7 @@ _FULL_WORDS = ("full", "buffer", "overflow", "timeout", "timed out")
 _SERIAL_TIMEOUT = "SerialTimeoutException"  # of pyserial, which may not be installed
 
 
-def deaf(name: str, error: Exception) -> AdapterError:
+def receive_failed(name: str, error: Exception) -> AdapterError:
     """Return the error for an exception of ``recv``: nothing is received any more.
 
     Some drivers (PCAN's) report bus-off in this way, and work again when re-opened.

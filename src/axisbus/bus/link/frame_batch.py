@@ -21,7 +21,7 @@ from functools import cache
 FRAME = struct.Struct("=IB3x8s")  # struct can_frame (linux/can.h)
 MOST = 64  # frames per call
 _STAMP = struct.Struct("@Niill")  # struct cmsghdr, with the seconds and nanoseconds of SO_TIMESTAMPNS
-_ROOM = struct.calcsize("@Niill0N")  # CMSG_SPACE of this header
+_CONTROL_SIZE = struct.calcsize("@Niill0N")  # CMSG_SPACE of this header
 _LENGTH = struct.Struct("@I")
 
 Received = tuple[int, int, bytes, int, int]
@@ -74,7 +74,7 @@ class _Batch:
             if control:
                 message.control = self._at + heads_size + control * number
                 message.control_len = control
-        self._came_with = memoryview(self._heads)[heads_size:]
+        self._ancillary = memoryview(self._heads)[heads_size:]
         self._library = ctypes.PyDLL(None, use_errno=True)  # PyDLL: calls keep the interpreter lock
 
 
@@ -82,8 +82,8 @@ class ReceiveBatch(_Batch):
     """Buffers that read the received frames of a socket."""
 
     def __init__(self) -> None:
-        super().__init__(_ROOM)
-        self._fresh = self._heads.raw
+        super().__init__(_CONTROL_SIZE)
+        self._initial_heads = self._heads.raw
         self._call = self._library.recvmmsg
         self._call.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int, ctypes.c_void_p)
         self._data = memoryview(self._frames)
@@ -94,7 +94,7 @@ class ReceiveBatch(_Batch):
         Raises:
             OSError: the socket is closed, or its link is down or removed.
         """
-        ctypes.memmove(self._at, self._fresh, len(self._fresh))
+        ctypes.memmove(self._at, self._initial_heads, len(self._initial_heads))
         count = self._call(line.fileno(), self._at, MOST, socket.MSG_DONTWAIT, None)
         if count < 0:
             code = ctypes.get_errno()
@@ -103,7 +103,7 @@ class ReceiveBatch(_Batch):
             raise OSError(code, os.strerror(code))
         count = self._whole(count)
         frames = FRAME.iter_unpack(self._data[: FRAME.size * count])
-        stamps = _STAMP.iter_unpack(self._came_with[: _ROOM * count])
+        stamps = _STAMP.iter_unpack(self._ancillary[: _CONTROL_SIZE * count])
         return [(*frame, stamp[3], stamp[4]) for frame, stamp in zip(frames, stamps, strict=True)]
 
     def _whole(self, count: int) -> int:
@@ -123,14 +123,14 @@ class SendBatch(_Batch):
         self._call = self._library.sendmmsg
         self._call.argtypes = (ctypes.c_int, ctypes.c_void_p, ctypes.c_uint, ctypes.c_int)
 
-    def give(self, line: socket.socket, frames: Sequence[tuple[int, bytes]]) -> int:
+    def send_batch(self, line: socket.socket, frames: Sequence[tuple[int, bytes]]) -> int:
         """Send at most ``MOST`` frames (wire identifier, data). Return the number of frames that were accepted. Does not block.
 
         This method does not report why a frame was refused; sending that frame again shows the reason.
         """
-        pack, place, size = FRAME.pack_into, self._frames, FRAME.size
+        pack, buffer, size = FRAME.pack_into, self._frames, FRAME.size
         at = 0
         for can_id, data in frames:
-            pack(place, at, can_id, len(data), data)
+            pack(buffer, at, can_id, len(data), data)
             at += size
         return max(0, int(self._call(line.fileno(), self._at, len(frames), socket.MSG_DONTWAIT)))

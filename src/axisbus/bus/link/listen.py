@@ -34,7 +34,7 @@ class Listener:
             try:
                 message = self._bus.recv(min(left, _SLICE))
             except Exception as error:  # drivers raise anything
-                raise failures.deaf(self._name, error) from error
+                raise failures.receive_failed(self._name, error) from error
             if message is not None:
                 yield self._frame(message)
 

@@ -52,11 +52,11 @@ def find(
     channel: str | int | None,
     tried: int | None,
     options: Mapping[str, object],
-    tell: Callable[[int], None] = lambda rate: None,  # noqa: ARG005
+    on_rate: Callable[[int], None] = lambda rate: None,  # noqa: ARG005
 ) -> BitRateTraffic | None:
     """Listen at each rate of CiA 301 except ``tried``; return the traffic at the first rate with frames, None if there is none.
 
-    The adapter must be closed. ``tell`` is called with each rate before listening. Blocks about 6 s if nothing is received.
+    The adapter must be closed. ``on_rate`` is called with each rate before listening. Blocks about 6 s if nothing is received.
 
     Raises:
         ArgumentError: python-can offers no listen-only mode for the adapter.
@@ -64,20 +64,20 @@ def find(
     """
     if not possible(interface, options):
         raise ArgumentError(f"the CAN interface {interface!r} has no listen-only mode that python-can offers")
-    refused: AdapterError | None = None
+    failure: AdapterError | None = None
     opened = False
     for rate in (rate for rate in RATES if rate != tried):
-        tell(rate)
+        on_rate(rate)
         try:
-            heard = _at(interface, channel, rate, options)
+            traffic = _at(interface, channel, rate, options)
         except AdapterError as error:  # many adapters do not support all rates
-            refused = error
+            failure = error
             continue
         opened = True
-        if heard.frames >= _PROOF:
-            return heard
-    if refused is not None and not opened:
-        raise refused
+        if traffic.frames >= _PROOF:
+            return traffic
+    if failure is not None and not opened:
+        raise failure
     return None
 
 

@@ -111,10 +111,10 @@ def take_claim(
     *,
     beside: bool = False,
     cell: str | None = None,
-    door: bool = False,
+    accepts_clients: bool = False,
 ) -> HeldClaim | None:
-    """Take a channel on Linux, as ``take``. ``cell``: the cell file for which it is taken; ``door``: clients will connect to the
-    socket of the claim. Raises as ``take``.
+    """Take a channel on Linux, as ``take``. ``cell``: the cell file for which it is taken; ``accepts_clients``: clients will
+    connect to the socket of the claim. Raises as ``take``.
     """
     if kind_of(interface) in NO_RATE:
         return None
@@ -123,7 +123,7 @@ def take_claim(
         other = _other(adapter, "")
         if other is not None:
             break
-        lock = claim(adapter.key, keys, exclusive=True, door=door, link=adapter.link)
+        lock = claim(adapter.key, keys, exclusive=True, accepts_clients=accepts_clients, link=adapter.link)
         other = _other(adapter, lock.name)
         if other is None:
             return lock
@@ -141,19 +141,29 @@ def hold(
 ) -> HeldClaim | FileLock | None:
     """Take a channel for the machine of a cell in this process, as ``take``; on Linux also publish that the machine runs."""
     if sys.platform == "linux":
-        return hold_claim(interface, channel, cell, beside=beside, door=False, simulated=simulated)
+        return hold_claim(interface, channel, cell, beside=beside, accepts_clients=False, simulated=simulated)
     return None if simulated else take(interface, channel, beside=beside)
 
 
 def hold_claim(
-    interface: str, channel: str | int | None, cell: str, *, beside: bool, door: bool, simulated: bool
+    interface: str,
+    channel: str | int | None,
+    cell: str,
+    *,
+    beside: bool,
+    accepts_clients: bool,
+    simulated: bool,
 ) -> HeldClaim:
     """Take a channel for the machine of a cell on Linux; if there is none to take, only publish that the machine runs.
 
     Raises as ``take``.
     """
-    lock = None if simulated else take_claim(interface, channel, beside=beside, cell=cell, door=door)
-    return lock or claim(None, CellFileId.of(cell), exclusive=False, door=door)
+    lock = (
+        None
+        if simulated
+        else take_claim(interface, channel, beside=beside, cell=cell, accepts_clients=accepts_clients)
+    )
+    return lock or claim(None, CellFileId.of(cell), exclusive=False, accepts_clients=accepts_clients)
 
 
 def holder(interface: str, channel: str | int | None) -> ChannelClaim | None:

@@ -23,10 +23,10 @@ _DONT_WAIT = getattr(socket, "MSG_DONTWAIT", 0)
 class FrameTransmitter(Protocol):
     """One attempt for one frame; errors are raised as python-can or its driver does.
 
-    ``for_all``: several threads may send at once, and none of them waits.
+    ``thread_safe``: several threads may send at once, and none of them waits.
     """
 
-    for_all: bool
+    thread_safe: bool
 
     def send(self, can_id: int, data: bytes) -> None:
         """Give a data frame to the adapter."""
@@ -41,10 +41,10 @@ class FrameTransmitter(Protocol):
         """
 
 
-class PythonCanLine:
+class PythonCanTransmitter:
     """Any adapter of python-can."""
 
-    for_all = False
+    thread_safe = False
 
     def __init__(self, bus: can.BusABC, timeout: float | None) -> None:
         """``timeout``: see ``adapter.send_timeout``."""
@@ -74,10 +74,10 @@ class PythonCanLine:
         self._bus.send(message, self._timeout)
 
 
-class SocketCanLine:
+class SocketCanTransmitter:
     """The raw socket of a SocketCAN link: faster than python-can with its checks and waits, and never blocks."""
 
-    for_all = True
+    thread_safe = True
 
     def __init__(self, raw: socket.socket) -> None:
         """``raw`` is an open CAN_RAW socket."""
@@ -105,10 +105,10 @@ class SocketCanLine:
             return 0
         taken = 0
         while taken < len(frames):
-            some = [(_on_wire(can_id), data) for can_id, data in frames[taken : taken + MOST]]
-            took = self._batch.give(self._raw, some)
-            taken += took
-            if took < len(some):
+            batch = [(_on_wire(can_id), data) for can_id, data in frames[taken : taken + MOST]]
+            accepted = self._batch.send_batch(self._raw, batch)
+            taken += accepted
+            if accepted < len(batch):
                 break
         return taken
 
@@ -121,10 +121,10 @@ def _failed(error: OSError) -> can.CanOperationError:
     return can.CanOperationError(f"Failed to transmit: {error.strerror}", error.errno)
 
 
-def line_of(bus: can.BusABC, timeout: float | None) -> FrameTransmitter:
+def transmitter_of(bus: can.BusABC, timeout: float | None) -> FrameTransmitter:
     """Return the fastest transmitter for an open adapter."""
     raw = raw_socket(bus)
-    return PythonCanLine(bus, timeout) if raw is None else SocketCanLine(raw)
+    return PythonCanTransmitter(bus, timeout) if raw is None else SocketCanTransmitter(raw)
 
 
 def raw_socket(bus: can.BusABC) -> socket.socket | None:
@@ -146,35 +146,35 @@ _ID_29 = 0x1FFF_FFFF
 _GONE = select.POLLHUP | select.POLLERR | select.POLLNVAL if hasattr(select, "POLLHUP") else 0
 
 
-Plain = tuple[int, bytes, float]
+PlainFrame = tuple[int, bytes, float]
 
 
 """A data frame with 11 bits of identifier: COB-ID, data, and the adapter's own time (s)."""
 
 
-class Intake(Protocol):
+class RawFrameSource(Protocol):
     """Source of frames; for one thread."""
 
-    def take(self, seconds: float) -> Sequence[Plain | can.Message]:
-        """Return the received frames, waiting up to ``seconds`` for the first; frames that are not ``Plain`` as a message.
+    def take(self, seconds: float) -> Sequence[PlainFrame | can.Message]:
+        """Return the received frames, waiting up to ``seconds`` for the first; frames that are not ``PlainFrame`` as a message.
 
         Raises the exceptions of the driver if the channel is gone.
         """
 
 
-class PythonCanIntake:
+class PythonCanSource:
     """Any adapter of python-can: one frame at a time."""
 
     def __init__(self, bus: can.BusABC) -> None:
         self._bus = bus
 
     def take(self, seconds: float) -> Sequence[can.Message]:
-        """As ``Intake.take``."""
+        """As ``RawFrameSource.take``."""
         message = self._bus.recv(seconds)
         return () if message is None else (message,)
 
 
-class SocketCanIntake:
+class SocketCanSource:
     """The raw socket of a SocketCAN link: frames that came together (such as all heartbeats) cost one wake-up."""
 
     def __init__(self, raw: socket.socket) -> None:
@@ -183,8 +183,8 @@ class SocketCanIntake:
         self._poll = select.poll()
         self._poll.register(raw, select.POLLIN)
 
-    def take(self, seconds: float) -> Sequence[Plain | can.Message]:
-        """As ``Intake.take``.
+    def take(self, seconds: float) -> Sequence[PlainFrame | can.Message]:
+        """As ``RawFrameSource.take``.
 
         Raises:
             OSError: the link is down or gone.
@@ -216,11 +216,11 @@ def _message(frame: Received) -> can.Message:
     )
 
 
-def intake_of(bus: can.BusABC) -> Intake:
+def frame_source_of(bus: can.BusABC) -> RawFrameSource:
     """Return the fastest source for an open adapter's frames."""
     raw = raw_socket(bus)
     classic = getattr(bus, "protocol", None) is can.CanProtocol.CAN_20
-    return SocketCanIntake(raw) if raw is not None and classic and available() else PythonCanIntake(bus)
+    return SocketCanSource(raw) if raw is not None and classic and available() else PythonCanSource(bus)
 
 
 # -- Frames that the scan reads itself after SYNC: a second socket on the SocketCAN link, for their COB-IDs only -------
@@ -243,7 +243,7 @@ _FILTERS = 512  # maximum filters of a socket
 _WHOLE = 8  # data bytes of a full frame
 
 
-Taken = tuple[int, bytes, float]
+CyclicFrame = tuple[int, bytes, float]
 
 
 class CyclicSocket:
@@ -254,7 +254,7 @@ class CyclicSocket:
         self._raw = raw
         self._others = others
         self._batch = ReceiveBatch()
-        self._looked = time.monotonic()
+        self._last_drain = time.monotonic()
 
     def listen(self, can_ids: Collection[int]) -> bool:
         """Receive exactly these 11-bit COB-IDs here; return whether the kernel accepts the filters.
@@ -273,16 +273,16 @@ class CyclicSocket:
             return False
         return True
 
-    def drain(self) -> list[Taken]:
+    def drain(self) -> list[CyclicFrame]:
         """Return COB-ID, data and monotonic time of reception of each received frame, oldest first; does not block.
 
         Raises:
             OSError: the link is down or gone.
         """
         now = time.monotonic()
-        since, self._looked = self._looked, now
+        since, self._last_drain = self._last_drain, now
         ahead = time.time() - now
-        taken: list[Taken] = []
+        taken: list[CyclicFrame] = []
         while True:
             frames = self._batch.take(self._raw)
             for can_id, length, data, seconds, nanoseconds in frames:

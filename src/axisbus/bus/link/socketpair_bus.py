@@ -1,4 +1,4 @@
-"""python-can's bus on one end of a line between two processes of one computer (``core.process.launch.cable``)."""
+"""python-can's bus on one end of a line between two processes of one computer (``core.process.launch.can_line``)."""
 
 from __future__ import annotations
 

@@ -71,34 +71,36 @@ def scan(
     """
     require_other_thread(channel, "a scan of the bus")
     others = ForeignProtocols() if listening is None else listening
-    ears = _Ears(channel, tuple(ids))
+    scan_receiver = _ScanReceiver(channel, tuple(ids))
     try:
-        with channel.overheard(others.note):
-            _ask(ears, others, listen)
+        with channel.frames_to(others.note):
+            _ask(scan_receiver, others, listen)
         channel.check()
     finally:
-        ears.close()
-    details = _details(channel, sorted(ears.answers))
+        scan_receiver.close()
+    details = _details(channel, sorted(scan_receiver.answers))
     channel.check()
     return [
         DiscoveredNode(
             node_id,
-            node_id in ears.answers,
-            ears.states.get(node_id),
-            details.get(node_id) or NodeIdentity(device_type=ears.device_type(node_id)),
+            node_id in scan_receiver.answers,
+            scan_receiver.states.get(node_id),
+            details.get(node_id) or NodeIdentity(device_type=scan_receiver.device_type(node_id)),
         )
-        for node_id in sorted({*ears.answers, *ears.states})
+        for node_id in sorted({*scan_receiver.answers, *scan_receiver.states})
     ]
 
 
-def _ask(ears: _Ears, others: ForeignProtocols, listen: float) -> None:
-    clock = ears.clock
+def _ask(scan_receiver: _ScanReceiver, others: ForeignProtocols, listen: float) -> None:
+    clock = scan_receiver.clock
     begin = clock.now()
     quiet = listen * _QUIET
     sleep_until(clock, begin + quiet)
-    ears.ask(_safe(ears.ids, others))
+    scan_receiver.ask(_safe(scan_receiver.ids, others))
     sleep_until(clock, begin + (quiet + listen) / 2)
-    ears.ask(_safe((node_id for node_id in ears.ids if node_id not in ears.answers), others))
+    scan_receiver.ask(
+        _safe((node_id for node_id in scan_receiver.ids if node_id not in scan_receiver.answers), others)
+    )
     sleep_until(clock, begin + listen)
 
 
@@ -109,7 +111,7 @@ def _safe(ids: Iterable[int], others: ForeignProtocols) -> list[int]:
     return [node_id for node_id in asked if cob.SDO_RX + node_id not in taken]
 
 
-class _Ears:
+class _ScanReceiver:
     """Receiver of SDO answers and heartbeats during a scan; holds state: the newest of each node."""
 
     def __init__(self, channel: Channel, ids: tuple[int, ...]) -> None:

@@ -16,7 +16,7 @@ from typing import Protocol
 from axisbus.cia301.nmt import NmtState
 from axisbus.wording import counted
 
-_KEPT = 256
+_HISTORY = 256
 EVERY = 1.0  # seconds between two events of the same kind in the history
 _OPERATIONAL = NmtState.OPERATIONAL  # compared in every cycle
 
@@ -114,24 +114,24 @@ class NodeEvents:
 
     def __init__(self, monitor: Monitored) -> None:
         """Begin with the present state of the node."""
-        self.history: deque[NodeEvent] = deque(maxlen=_KEPT)
-        self._hear: tuple[Callable[[NodeEvent], None], ...] = ()
+        self.history: deque[NodeEvent] = deque(maxlen=_HISTORY)
+        self._callbacks: tuple[Callable[[NodeEvent], None], ...] = ()
         self._monitor = monitor
         self._bootups = monitor.bootups
         self._operational = monitor.state is NmtState.OPERATIONAL
         self._lost = self._doubled = False
-        self._told: dict[NodeEventKind, float] = {}  # time of the last event of each kind in the history
+        self._reported: dict[NodeEventKind, float] = {}  # time of the last event of each kind in the history
         # Events that wait until they may be added to the history.
-        self._held: dict[NodeEventKind, NodeEvent] = {}
+        self._pending: dict[NodeEventKind, NodeEvent] = {}
 
     @property
     def events(self) -> list[NodeEvent]:
         """The history and the waiting events, in the order of time; may be read in any thread."""
-        return sorted([*self.history, *list(self._held.values())], key=lambda event: event.stamp)
+        return sorted([*self.history, *list(self._pending.values())], key=lambda event: event.stamp)
 
-    def hear(self, call: Callable[[NodeEvent], None]) -> None:
-        """Call ``call`` for every single event from now on, in the scan's thread; it must not block."""
-        self._hear = (*self._hear, call)
+    def subscribe(self, callback: Callable[[NodeEvent], None]) -> None:
+        """Call ``callback`` for every single event from now on, in the scan's thread; it must not block."""
+        self._callbacks = (*self._callbacks, callback)
 
     def look(self, now: float) -> None:
         """Record the changes since the last call; does not block. Only for the scan's thread."""
@@ -151,8 +151,8 @@ class NodeEvents:
         if monitor.duplicate and not self._doubled:
             self._doubled = True
             self._note(NodeEventKind.DUPLICATE, now, monitor.stamp)
-        if self._held:
-            self._tell_held(now)
+        if self._pending:
+            self._release_pending(now)
 
     def _note_loss(self, now: float) -> None:
         if self._lost:
@@ -167,18 +167,18 @@ class NodeEvents:
         event = NodeEvent(
             monitor.node_id, kind, now, monitor.state, _passed(monitor.stamp, now), _passed(since, now)
         )
-        self._hold(event)
-        for hear in self._hear:
-            hear(event)
+        self._merge_pending(event)
+        for callback in self._callbacks:
+            callback(event)
 
-    def _hold(self, event: NodeEvent) -> None:
-        held = self._held.get(event.kind)
-        self._held[event.kind] = event if held is None else replace(event, times=held.times + 1)
+    def _merge_pending(self, event: NodeEvent) -> None:
+        pending = self._pending.get(event.kind)
+        self._pending[event.kind] = event if pending is None else replace(event, times=pending.times + 1)
 
-    def _tell_held(self, now: float) -> None:
-        for kind in [kind for kind in self._held if now - self._told.get(kind, -math.inf) >= EVERY]:
-            self._told[kind] = now
-            self.history.append(self._held.pop(kind))
+    def _release_pending(self, now: float) -> None:
+        for kind in [kind for kind in self._pending if now - self._reported.get(kind, -math.inf) >= EVERY]:
+            self._reported[kind] = now
+            self.history.append(self._pending.pop(kind))
 
 
 def _passed(since: float | None, now: float) -> float:

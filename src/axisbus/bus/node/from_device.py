@@ -25,9 +25,9 @@ from axisbus.wording import counted
 STORED_EDS, STORE_FORMAT = 0x1021, 0x1022
 _PLAIN, _ZIPPED = 0, 1
 _LONGEST = 1 << 25  # bytes of an unpacked EDS; real ones have some hundred thousand
-_GONE = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
+_MISSING = frozenset({abort.OBJECT_MISSING, abort.SUBINDEX_MISSING})
 # Number of PDO parameters of each kind to try.
-_ASKED = dict.fromkeys(
+_PROBED_PDOS = dict.fromkeys(
     (c301.RPDO_COMMUNICATION, c301.RPDO_MAPPING, c301.TPDO_COMMUNICATION, c301.TPDO_MAPPING), 16
 )
 _KNOWN_ACCESS = ("const", "ro", "wo", "rw")
@@ -101,7 +101,7 @@ def _format(sdo: SdoObjectAccess) -> int:
 def skeleton(
     sdo: SdoObjectAccess,
     progress: Callable[[int, int], None] | None = None,
-    tell: Callable[[str], None] | None = None,
+    on_note: Callable[[str], None] | None = None,
 ) -> Eds:
     """Read every object of CiA 301 and CiA 402 and describe those that the device has; blocks, writes nothing.
 
@@ -110,21 +110,21 @@ def skeleton(
     all)``.
 
     An object without an answer is left out. After several in a row, if the device still answers for 1000h, the other objects get a
-    shorter time limit: two attempts of 0.1 s, or of four times its slowest answer if that is longer. ``tell`` gets a sentence about
-    that.
+    shorter time limit: two attempts of 0.1 s, or of four times its slowest answer if that is longer. ``on_note`` gets a sentence
+    about that.
 
     Raises:
         SdoTimeout: the device answers for no object, or no longer does. AdapterError: the channel failed.
     """
-    heads = _candidates()
-    asking = _Asking(sdo, tell)
+    candidates = _candidates()
+    prober = _Prober(sdo, on_note)
     objects: dict[int, Object] = {}
-    for number, (index, row) in enumerate(heads.items(), start=1):
-        found = _object(asking, index, _name(index, row), row)
+    for number, (index, row) in enumerate(candidates.items(), start=1):
+        found = _object(prober, index, _name(index, row), row)
         if found is not None:
             objects[index] = found
         if progress is not None:
-            progress(number, len(heads))
+            progress(number, len(candidates))
     description = f"skeleton read from node {sdo.node_id}, types and access by the standard"
     info = {"fileinfo": {"description": description}, "deviceinfo": _device(objects)}
     return Eds(f"node {sdo.node_id}", objects, info)
@@ -163,11 +163,11 @@ def as_file(eds: Eds, name: str, now: datetime, bitrate: int | None = None) -> E
 
 def _candidates() -> dict[int, StandardObject]:
     """Return the standard's row of every index to try."""
-    heads: dict[int, StandardObject] = {}
+    candidates: dict[int, StandardObject] = {}
     for row in catalogue.ROWS:
-        for index in row.indices if row.single else row.indices[: _ASKED.get(row.index, 0)]:
-            heads.setdefault(index, row)
-    return heads
+        for index in row.indices if row.single else row.indices[: _PROBED_PDOS.get(row.index, 0)]:
+            candidates.setdefault(index, row)
+    return candidates
 
 
 def _name(index: int, row: StandardObject) -> str:
@@ -175,12 +175,12 @@ def _name(index: int, row: StandardObject) -> str:
     return row.name if row.single else f"{row.name} {index - row.index + 1}"
 
 
-class _Asking:
+class _Prober:
     """Uploads for a skeleton; holds the number of objects in a row without an answer, and the resulting time limit."""
 
-    def __init__(self, sdo: SdoObjectAccess, tell: Callable[[str], None] | None) -> None:
+    def __init__(self, sdo: SdoObjectAccess, on_note: Callable[[str], None] | None) -> None:
         self.sdo = sdo
-        self._tell = tell
+        self._on_note = on_note
         self._silent = 0
         self._slowest = 0.0  # seconds, of all answers
         self._limit: float | None = None  # seconds for an answer; None: the usual limit
@@ -213,7 +213,7 @@ class _Asking:
         except SdoTimeout as error:
             if not self._answered:
                 raise
-            raise _gone(self.sdo.node_id, error) from error
+            raise _node_lost(self.sdo.node_id, error) from error
         if isinstance(found, SdoTimeout):
             self._silent += 1
             if self._silent >= _SILENT_IN_A_ROW and self._limit is None and isinstance(self.sdo, SdoClient):
@@ -224,14 +224,14 @@ class _Asking:
 
     def _shorten(self, usual: float) -> None:
         self._limit = min(usual, max(_SHORT, 4 * self._slowest))
-        if self._tell is not None:
-            self._tell(
+        if self._on_note is not None:
+            self._on_note(
                 f"node {self.sdo.node_id} gives no answer for objects that it does not have, and answers for 1000h: each further "
                 f"object was given {_SHORT_TRIES} attempts of {self._limit:.2g} s"
             )
 
 
-def _gone(node_id: int, error: SdoTimeout) -> SdoTimeout:
+def _node_lost(node_id: int, error: SdoTimeout) -> SdoTimeout:
     return SdoTimeout(
         f"node {node_id} is lost: it answered before, and no longer answers for any object; no EDS was made",
         node=node_id,
@@ -242,39 +242,39 @@ def _gone(node_id: int, error: SdoTimeout) -> SdoTimeout:
     )
 
 
-def _object(asking: _Asking, index: int, name: str, row: StandardObject) -> Object | None:
-    first = _upload(asking, index, 0)
+def _object(prober: _Prober, index: int, name: str, row: StandardObject) -> Object | None:
+    first = _upload(prober, index, 0)
     if first is None:
         return None
     kind = ObjectType[row.object_type]
     if kind is ObjectType.VAR:
-        return Object(index, name, kind, {0: _variable(asking.sdo, index, 0, name, first)})
+        return Object(index, name, kind, {0: _variable(prober.sdo, index, 0, name, first)})
     subs = {
         0: Variable(
             index, 0, "Highest sub-index supported", DataType.UNSIGNED8, "const", Number(_count(first))
         )
     }
-    subs.update(_subs(asking, index, name, _count(first)))
+    subs.update(_subs(prober, index, name, _count(first)))
     return Object(index, name, kind, subs)
 
 
-def _subs(asking: _Asking, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
+def _subs(prober: _Prober, index: int, name: str, count: int) -> Iterator[tuple[int, Variable]]:
     for subindex in range(1, count + 1):
-        data = _upload(asking, index, subindex)
+        data = _upload(prober, index, subindex)
         if data is not None:
-            yield subindex, _variable(asking.sdo, index, subindex, f"{name} {subindex}", data)
+            yield subindex, _variable(prober.sdo, index, subindex, f"{name} {subindex}", data)
 
 
-def _upload(asking: _Asking, index: int, subindex: int) -> bytes | None:
+def _upload(prober: _Prober, index: int, subindex: int) -> bytes | None:
     """Return an entry's bytes, empty if it exists but cannot be read, None if it does not exist.
 
     An object without an answer counts as missing: some devices do not answer for missing objects.
     """
-    found = asking.find(index, subindex)
+    found = prober.find(index, subindex)
     if isinstance(found, bytes):
         return found
-    gone = isinstance(found, SdoTimeout) or (isinstance(found, SdoAbort) and found.code in _GONE)
-    return None if gone else b""
+    missing = isinstance(found, SdoTimeout) or (isinstance(found, SdoAbort) and found.code in _MISSING)
+    return None if missing else b""
 
 
 def _count(data: bytes) -> int:

@@ -6,7 +6,7 @@ Theory of operation
 indicates a master (``axisbus.cia301.master_detection``). The adapter does not return the master's own frames, so frames received
 there come from another master. A frame of any other COB-ID costs nothing. Each sign becomes an event at once, then one event in
 ``EVERY`` seconds while it continues, with the number of frames. If a frame commands a node of the cell, ``on_command`` is called to
-stop its axes, at most once in ``AGAIN`` seconds for each COB-ID.
+stop its axes, at most once in ``STOP_PERIOD`` seconds for each COB-ID.
 
 An adapter that does return the master's own frames would make this master appear as another one. ``Echoes`` detects that while the
 nodes are booted.
@@ -30,9 +30,9 @@ from axisbus.cia301.nmt import NmtState
 from axisbus.errors import SecondMasterError
 from axisbus.wording import counted
 
-AGAIN = 0.1  # seconds
-_KEPT = 256
-_FEWEST = 4  # own requests before anything is concluded from the number that came back
+STOP_PERIOD = 0.1  # seconds
+_HISTORY = 256
+_MIN_REQUESTS = 4  # own requests before anything is concluded from the number that came back
 _ANY = b"\x05"  # data with which the COB-ID of every sign is found, also that of a heartbeat
 
 OnCommand = Callable[[SecondMasterError, frozenset[int]], None]
@@ -45,24 +45,24 @@ class Echoes:
         """Start to count; ``end`` stops it."""
         self._both = self._received = 0
         self._listening = ExitStack()
-        self._listening.enter_context(channel.overheard(self._hear))
-        self._listening.callback(channel.untap, self._see)
-        channel.tap(self._see)
+        self._listening.enter_context(channel.frames_to(self._on_received_frame))
+        self._listening.callback(channel.untap, self._on_frame)
+        channel.tap(self._on_frame)
 
     def end(self) -> None:
         """Stop counting; harmless when repeated."""
         self._listening.close()
 
     @property
-    def there(self) -> bool:
+    def detected(self) -> bool:
         """Whether most own requests have come back."""
         sent = self._both - self._received
-        return sent >= _FEWEST and self._received > sent / 2
+        return sent >= _MIN_REQUESTS and self._received > sent / 2
 
-    def _see(self, frame: CanFrame) -> None:
+    def _on_frame(self, frame: CanFrame) -> None:
         self._both += _is_request(frame)
 
-    def _hear(self, frame: CanFrame) -> None:
+    def _on_received_frame(self, frame: CanFrame) -> None:
         self._received += _is_request(frame)
 
 
@@ -71,13 +71,13 @@ def _is_request(frame: CanFrame) -> bool:
 
 
 @dataclass(slots=True)
-class _Heard:
+class _ReceivedFrames:
     """Frames of one kind at one COB-ID: count and times since the last event, and the time of the last stop of its nodes."""
 
     count: int = 0
-    told: float = -math.inf
+    reported: float = -math.inf
     last: float = 0.0
-    stopped: float = -math.inf
+    last_stop: float = -math.inf
 
 
 class MasterWatch:
@@ -88,17 +88,17 @@ class MasterWatch:
         self.on_command: OnCommand | None = None
         self._channel = channel
         self._stops = stops
-        self._cast = ExpectedMasters(frozenset(), frozenset())
+        self._expected = ExpectedMasters(frozenset(), frozenset())
         self._receivers: dict[int, Receiver] = {}
-        self._heard: dict[tuple[int, frozenset[int]], _Heard] = {}
-        self._history: deque[NodeEvent] = deque(maxlen=_KEPT)
+        self._frames: dict[tuple[int, frozenset[int]], _ReceivedFrames] = {}
+        self._history: deque[NodeEvent] = deque(maxlen=_HISTORY)
 
-    def begin(self, cast: ExpectedMasters) -> None:
-        """Listen to the signs by ``cast``; called again if nodes have been added later."""
-        self._cast = cast
+    def begin(self, expected: ExpectedMasters) -> None:
+        """Listen to the signs by ``expected``; called again if nodes have been added later."""
+        self._expected = expected
         for can_id in range(cob.ID_MASK_11 + 1):
-            if can_id not in self._receivers and sign_of(CanFrame(0.0, can_id, _ANY), cast) is not None:
-                self._receivers[can_id] = partial(self._hear, can_id)
+            if can_id not in self._receivers and sign_of(CanFrame(0.0, can_id, _ANY), expected) is not None:
+                self._receivers[can_id] = partial(self._on_received_frame, can_id)
                 self._channel.subscribe(can_id, self._receivers[can_id])
 
     def close(self) -> None:
@@ -109,46 +109,46 @@ class MasterWatch:
     @property
     def events(self) -> list[NodeEvent]:
         """The events so far, in the order of time; may be read in any thread."""
-        waits = [self._event(key, one) for key, one in list(self._heard.items()) if one.count]
-        return sorted([*self._history, *waits], key=lambda event: event.stamp)
+        pending = [self._event(key, entry) for key, entry in list(self._frames.items()) if entry.count]
+        return sorted([*self._history, *pending], key=lambda event: event.stamp)
 
-    def _hear(self, can_id: int, data: bytes, stamp: float) -> None:
+    def _on_received_frame(self, can_id: int, data: bytes, stamp: float) -> None:
         frame = CanFrame(stamp, can_id, data)
-        if sign_of(frame, self._cast) is None:  # for a heartbeat the data decides
+        if sign_of(frame, self._expected) is None:  # for a heartbeat the data decides
             return
-        nodes = commanded(frame, self._cast)
+        nodes = commanded(frame, self._expected)
         key = can_id, nodes
-        one = self._heard.setdefault(key, _Heard())
-        one.count, one.last = one.count + 1, stamp
-        if stamp - one.told >= EVERY:
-            self._history.append(self._event(key, one))
-            one.count, one.told = 0, stamp
-        if nodes and self._stops and self.on_command is not None and stamp - one.stopped >= AGAIN:
-            one.stopped = stamp
+        entry = self._frames.setdefault(key, _ReceivedFrames())
+        entry.count, entry.last = entry.count + 1, stamp
+        if stamp - entry.reported >= EVERY:
+            self._history.append(self._event(key, entry))
+            entry.count, entry.reported = 0, stamp
+        if nodes and self._stops and self.on_command is not None and stamp - entry.last_stop >= STOP_PERIOD:
+            entry.last_stop = stamp
             self.on_command(self._error(can_id, nodes), nodes)
 
-    def _event(self, key: tuple[int, frozenset[int]], one: _Heard) -> NodeEvent:
+    def _event(self, key: tuple[int, frozenset[int]], entry: _ReceivedFrames) -> NodeEvent:
         can_id, nodes = key
-        passed = one.last - one.told
+        passed = entry.last - entry.reported
         often = "" if math.isinf(passed) else f" in {passed:.1f} s"
         node = self._node(can_id, nodes)
-        text = f"{self._words(can_id, nodes)}: {counted(one.count, 'frame')}{often}; {self._outcome(nodes)}"
+        text = f"{self._description(can_id, nodes)}: {counted(entry.count, 'frame')}{often}; {self._outcome(nodes)}"
         return NodeEvent(
-            node, NodeEventKind.MASTER, one.last, NmtState.UNKNOWN, 0.0, 0.0, times=one.count, text=text
+            node, NodeEventKind.MASTER, entry.last, NmtState.UNKNOWN, 0.0, 0.0, times=entry.count, text=text
         )
 
     def _outcome(self, nodes: frozenset[int]) -> str:
         if not nodes:
             return "it commands no node of this cell, and nothing is stopped"
-        whose = "all axes" if nodes == self._cast.all_nodes else f"the axes of {nodes_text(nodes)}"
+        target_nodes = "all axes" if nodes == self._expected.all_nodes else f"the axes of {nodes_text(nodes)}"
         return (
-            f"{whose} are stopped"
+            f"{target_nodes} are stopped"
             if self._stops
             else "this bus was opened in spite of it, and nothing is stopped"
         )
 
     def _error(self, can_id: int, nodes: frozenset[int]) -> SecondMasterError:
-        words = self._words(can_id, nodes)
+        words = self._description(can_id, nodes)
         return SecondMasterError(
             f"another master, or a tool that acts as one, commands the drives on this bus: {words}",
             heard=(words,),
@@ -157,18 +157,18 @@ class MasterWatch:
             "these frames and how often they came",
         )
 
-    def _words(self, can_id: int, nodes: frozenset[int]) -> str:
-        sign, node = sign_of(CanFrame(0.0, can_id, _ANY), self._cast) or (Sign.NMT, None)
+    def _description(self, can_id: int, nodes: frozenset[int]) -> str:
+        sign, node = sign_of(CanFrame(0.0, can_id, _ANY), self._expected) or (Sign.NMT, None)
         writes = " that write" if sign is Sign.SDO and nodes else ""
         of = "of" if sign is Sign.HEARTBEAT else "to"
-        whose = {node} if node is not None else nodes if sign is Sign.NMT else frozenset()
-        everybody = sign is Sign.NMT and nodes == self._cast.all_nodes
-        to = " to all nodes" if everybody else f" {of} {nodes_text(whose)}" if whose else ""
+        target_nodes = {node} if node is not None else nodes if sign is Sign.NMT else frozenset()
+        everybody = sign is Sign.NMT and nodes == self._expected.all_nodes
+        to = " to all nodes" if everybody else f" {of} {nodes_text(target_nodes)}" if target_nodes else ""
         return f"{sign.value}{writes}{to} ({can_id:03X}h)"
 
     def _node(self, can_id: int, nodes: frozenset[int]) -> int:
         """Return the node that a frame is for, 0 for the bus."""
-        _, node = sign_of(CanFrame(0.0, can_id, _ANY), self._cast) or (None, None)
+        _, node = sign_of(CanFrame(0.0, can_id, _ANY), self._expected) or (None, None)
         if node is not None:
             return node
         return next(iter(nodes)) if len(nodes) == 1 else 0

@@ -52,7 +52,7 @@ class NodeReaction:
 
     node_id: int
     ok: bool
-    way: NmtConfirmation
+    confirmation: NmtConfirmation
     state: NmtState | None
     seconds: float
 
@@ -71,23 +71,23 @@ class NodeReaction:
         """The outcome as text."""
         if self.silent:
             return self._silence()
-        before = f" (was {self.way.before.text})" if self.way.before is not None else ""
+        before = f" (was {self.confirmation.before.text})" if self.confirmation.before is not None else ""
         if self.ok and self.state is not None:
-            return f"{self.state.text}{before}, confirmed by {self.way.by.value} after {self.seconds:.2f} s"
+            return f"{self.state.text}{before}, confirmed by {self.confirmation.by.value} after {self.seconds:.2f} s"
         seen = "it shows nothing" if self.state is None else f"it still reports {self.state.text}"
-        return f"NOT confirmed{before}: {seen} {self.seconds:.1f} s after the command (expected: {self.way.by.value})"
+        return f"NOT confirmed{before}: {seen} {self.seconds:.1f} s after the command (expected: {self.confirmation.by.value})"
 
     def _silence(self) -> str:
-        if not self.way.heard:
+        if not self.confirmation.heard:
             before = f"nothing came from it in {LISTEN:g} s before the command, nor any answer to SDO"
-        elif self.way.before is None:
+        elif self.confirmation.before is None:
             before = "it answered before the command"
         else:
-            before = f"before the command it was {self.way.before.text}"
-        return f"SILENT: {before}, and nothing came in {self.seconds:.1f} s after it (expected: {self.way.by.value})"
+            before = f"before the command it was {self.confirmation.before.text}"
+        return f"SILENT: {before}, and nothing came in {self.seconds:.1f} s after it (expected: {self.confirmation.by.value})"
 
 
-def ways(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:
+def confirmations(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:
     """Determine how each node can confirm a command; blocks up to ``LISTEN`` seconds, and for some SDO transfers if one is silent.
 
     Raises:
@@ -98,7 +98,9 @@ def ways(nodes: Iterable[CanopenNode]) -> dict[int, NmtConfirmation]:
         return {}
     clock = listed[0].channel.clock
     poll_until(clock, lambda: all(node.nmt.reports > 0 for node in listed), clock.now() + LISTEN, _SLICE)
-    return dict(zip((node.node_id for node in listed), in_parallel(clock, _way, listed), strict=True))
+    return dict(
+        zip((node.node_id for node in listed), in_parallel(clock, _confirmation_of, listed), strict=True)
+    )
 
 
 def command(
@@ -107,9 +109,9 @@ def command(
     wanted: NmtCommand,
     found: dict[int, NmtConfirmation],
     *,
-    everybody: bool,
+    to_all: bool,
 ) -> list[NodeReaction]:
-    """Send an NMT command to each node, or one to all (``everybody``), and return the reactions; blocks up to about 5 s.
+    """Send an NMT command to each node, or one to all (``to_all``), and return the reactions; blocks up to about 5 s.
 
     A node that shows nothing is a result, not an exception.
 
@@ -118,7 +120,7 @@ def command(
     """
     marks = {node.node_id: (node.nmt.reports, node.nmt.bootups) for node in nodes}
     begin = channel.clock.now()
-    for node_id in (0,) if everybody else tuple(marks):
+    for node_id in (0,) if to_all else tuple(marks):
         nmt.send(channel, wanted, node_id)
 
     def look(node: CanopenNode) -> NodeReaction:
@@ -127,7 +129,7 @@ def command(
     return in_parallel(channel.clock, look, nodes)
 
 
-def _way(node: CanopenNode) -> NmtConfirmation:
+def _confirmation_of(node: CanopenNode) -> NmtConfirmation:
     if node.nmt.reports:
         return NmtConfirmation(
             Confirmation.HEARTBEAT, node.nmt.state, _read(node, o.PRODUCER_HEARTBEAT) / 1000
@@ -149,23 +151,25 @@ def _read(node: CanopenNode, index: int) -> int:
 
 
 def _look(
-    node: CanopenNode, wanted: NmtCommand, way: NmtConfirmation, marks: tuple[int, int], begin: float
+    node: CanopenNode, wanted: NmtCommand, confirmation: NmtConfirmation, marks: tuple[int, int], begin: float
 ) -> NodeReaction:
     reports, bootups = marks
     if wanted in _RESETS:
-        way = replace(way, by=Confirmation.BOOT_UP)
+        confirmation = replace(confirmation, by=Confirmation.BOOT_UP)
         ok = poll_until(node.channel.clock, lambda: node.nmt.bootups > bootups, begin + BOOT_PATIENCE, _SLICE)
     else:
-        ok = _reaches(node, RESULT[wanted], way, reports, begin)
+        ok = _reaches(node, RESULT[wanted], confirmation, reports, begin)
     state = node.nmt.state if node.nmt.reports > reports or (ok and node.nmt.assumed) else None
-    return NodeReaction(node.node_id, ok, way, state, node.channel.clock.now() - begin)
+    return NodeReaction(node.node_id, ok, confirmation, state, node.channel.clock.now() - begin)
 
 
-def _reaches(node: CanopenNode, state: NmtState, way: NmtConfirmation, reports: int, begin: float) -> bool:
-    clock, deadline = node.channel.clock, begin + max(PATIENCE, 2.5 * way.period)
-    if way.by is Confirmation.HEARTBEAT:
+def _reaches(
+    node: CanopenNode, state: NmtState, confirmation: NmtConfirmation, reports: int, begin: float
+) -> bool:
+    clock, deadline = node.channel.clock, begin + max(PATIENCE, 2.5 * confirmation.period)
+    if confirmation.by is Confirmation.HEARTBEAT:
         return node.nmt.wait_state(state, max(0.0, deadline - clock.now()), after=reports)
-    if way.by is Confirmation.GUARDING:
+    if confirmation.by is Confirmation.GUARDING:
         return poll_until(clock, lambda: _guarded(node) is state, deadline, _SLICE)
     serves = state is not NmtState.STOPPED
     if poll_until(clock, lambda: node.answers_sdo(_SDO_TIMEOUT) is serves, deadline, _SLICE):

@@ -33,7 +33,7 @@ def names_in(mapping: Sequence[MappedObject], entries: Entries) -> tuple[str | N
     return tuple(by_object.get(mapped) for mapped in mapping)
 
 
-def keep(pdos: Sequence[PdoConfiguration], entries: Entries, switch_on: bool) -> Chosen:
+def keep_mappings(pdos: Sequence[PdoConfiguration], entries: Entries, switch_on: bool) -> Chosen:
     """Choose among the present mappings, repeatedly the PDO that adds most values.
 
     Among equal PDOs a valid one comes first, then one with fewer other objects, then the lowest number. ``switch_on``: whether a
@@ -73,27 +73,27 @@ def lay_out(
 
     The first entry of a group is placed first. ``last`` names the value that is mapped after all others in its PDO.
     """
-    rooms: list[list[str]] = [[] for _ in slots]
-    homeless: list[str] = []
+    mappings: list[list[str]] = [[] for _ in slots]
+    unplaced: list[str] = []
     for number, group in enumerate(layout):
         for name in group:
             if name in entries:
-                own = rooms[number] if number < len(rooms) else None
-                if own is None or not _place(name, [own], entries):
-                    homeless.append(name)
-    lost = frozenset(name for name in homeless if not _place(name, rooms, entries))
+                own = mappings[number] if number < len(mappings) else None
+                if own is None or not _add_to_mapping(name, [own], entries):
+                    unplaced.append(name)
+    lost = frozenset(name for name in unplaced if not _add_to_mapping(name, mappings, entries))
     pdos = tuple(
-        (slot, tuple(entries[name].mapped for name in sorted(room, key=lambda name: name == last)))
-        for slot, room in zip(slots, rooms, strict=True)
-        if room
+        (slot, tuple(entries[name].mapped for name in sorted(mapping, key=lambda name: name == last)))
+        for slot, mapping in zip(slots, mappings, strict=True)
+        if mapping
     )
     return Chosen(pdos, frozenset(name for group in layout for name in group if name in entries) - lost)
 
 
-def _place(name: str, rooms: Sequence[list[str]], entries: Entries) -> bool:
-    for room in rooms:
-        if sum(entries[other].bits for other in (*room, name)) <= MAX_BITS:
-            room.append(name)
+def _add_to_mapping(name: str, mappings: Sequence[list[str]], entries: Entries) -> bool:
+    for mapping in mappings:
+        if sum(entries[other].bits for other in (*mapping, name)) <= MAX_BITS:
+            mapping.append(name)
             return True
     return False
 

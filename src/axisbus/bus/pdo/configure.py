@@ -55,7 +55,7 @@ class _Refusal(Exception):
         self.index = index
 
 
-class _NotKept(Exception):
+class _ValueNotStored(Exception):
     """The drive accepted a communication parameter, and reads back another value; contains the error if no plan avoids it."""
 
     def __init__(self, error: BootError) -> None:
@@ -110,9 +110,9 @@ def negotiate(
         try:
             return _apply(sdo, plan)
         except _Refusal as refusal:
-            policy = _less(sdo, policy, refusal)
+            policy = _reduced_policy(sdo, policy, refusal)
             learnt.append(f"{refusal.what} (abort code {refusal.abort.code:08X}h)")
-        except _NotKept as refusal:
+        except _ValueNotStored as refusal:
             if not policy.communication:
                 raise refusal.error from None
             policy = replace(policy, communication=False)
@@ -172,12 +172,12 @@ def set_pdo(
         plan = _apply(sdo, PdoPlan(sdo.node_id, 1, (planned,), {}, {}), rtr)
     except _Refusal as refusal:
         raise _boot_error(sdo, refusal.what, refusal.abort) from refusal.abort
-    except _NotKept as refusal:
+    except _ValueNotStored as refusal:
         raise refusal.error from None
     return plan.pdos[0].target
 
 
-def _less(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
+def _reduced_policy(sdo: SdoClient, policy: Policy, refusal: _Refusal) -> Policy:
     """Return the policy for the next attempt after a refusal."""
     about_object = refusal.abort.code in _OBJECT_REFUSED and refusal.index not in policy.refused
     if refusal.index is not None and about_object:
@@ -213,7 +213,7 @@ def _without_type(policy: Policy, index: int) -> Policy | None:
 def _apply(sdo: SdoClient, plan: PdoPlan, rtr: bool | None = None) -> PdoPlan:
     """Configure the drive by the plan; return the plan with the values read back.
 
-    Raises ``_Refusal`` and ``_NotKept`` after restoring.
+    Raises ``_Refusal`` and ``_ValueNotStored`` after restoring.
     """
     changed = [pdo for pdo in plan.pdos if pdo.change is not PdoChange.KEEP]
     # An event timer may change while its PDO is on (CiA 301 7.5.2.37). It is changed alone if nothing else may be changed.
@@ -228,7 +228,7 @@ def _apply(sdo: SdoClient, plan: PdoPlan, rtr: bool | None = None) -> PdoPlan:
         for pdo in switched:
             _switch_on(sdo, pdo, rtr)
         checked = tuple(_checked(sdo, pdo) if pdo in changed else pdo for pdo in plan.pdos)
-    except (_Refusal, _NotKept):
+    except (_Refusal, _ValueNotStored):
         for pdo in reversed(touched):
             _restore(sdo, pdo)
         raise
@@ -345,7 +345,7 @@ def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
 
     Raises:
         BootError: it has another mapping, or cannot be read.
-        _NotKept: another parameter is not as written.
+        _ValueNotStored: another parameter is not as written.
     """
     now = read_pdo(sdo, pdo.receive, pdo.target.number)
     if now is None:
@@ -361,7 +361,7 @@ def _checked(sdo: SdoClient, pdo: PlannedPdo) -> PlannedPdo:
     for what, expected, got in checks:
         if expected != got:
             unlike = _unlike(sdo, pdo, what, expected, got)
-            raise unlike if what == _MAPPING else _NotKept(unlike)
+            raise unlike if what == _MAPPING else _ValueNotStored(unlike)
     return replace(pdo, target=now)
 
 

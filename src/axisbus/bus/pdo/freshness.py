@@ -313,8 +313,8 @@ class Lags:
             SyncLag(slot, syncs, every, period, age, started) if every else None for slot, every, age in slots
         )
         self._link = LinkLag() if None in self.counts else None
-        self._asking = False
-        self._asked = -math.inf
+        self._request_pending = False
+        self._last_request = -math.inf
         self._due = -math.inf
 
     @property
@@ -341,18 +341,18 @@ class Lags:
 
     def ask(self, now: float, operational: bool, worker: SdoSubmitter) -> None:
         """Send a request to the node if one is due; does not block. The round trips get its answer."""
-        if not operational or self._asking or now < self._due:
+        if not operational or self._request_pending or now < self._due:
             return
         doubtful = any(one is not None and one.doubtful for one in (*self.counts, self._link))
-        if doubtful or (self._link is not None and now - self._asked >= ASK_PERIOD):
-            self._asking, self._asked = True, now
+        if doubtful or (self._link is not None and now - self._last_request >= ASK_PERIOD):
+            self._request_pending, self._last_request = True, now
             self._due = now + ASK_PAUSE
             worker.submit(SdoJob((self, "lag"), ERROR_REGISTER, 0, None, self._ended))
         elif self._link is not None:
-            self._due = self._asked + ASK_PERIOD
+            self._due = self._last_request + ASK_PERIOD
 
     def _ended(self, _value: int | None, _abort: int | None) -> None:
-        self._asking = False
+        self._request_pending = False
 
     @staticmethod
     def _without_count(received: float, delay: float, max_age: float) -> float:

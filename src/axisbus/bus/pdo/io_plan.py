@@ -69,8 +69,8 @@ def make_io_plan(
         if source not in (ValueTransport.SYNC_PDO, ValueTransport.EVENT_PDO)
     )
     pdos = (*plans[0], *plans[1])
-    beside = unused(device, pdos)
-    return PdoPlan(node_id, 0, pdos, sources[1], sources[0], impossible=impossible, unused=beside)
+    unused_pdos = unused(device, pdos)
+    return PdoPlan(node_id, 0, pdos, sources[1], sources[0], impossible=impossible, unused=unused_pdos)
 
 
 def _of(device: DevicePdos, used: Used) -> list[tuple[bool, PdoConfiguration]]:
@@ -82,11 +82,11 @@ def _planned(side: DirectionPlan, device: DevicePdos, ids: CobIds, used: Used) -
     if not side.entries:
         return []
     pdos = device.rpdos if side.receive else device.tpdos
-    free = [pdo for pdo in pdos if (side.receive, pdo.number) not in used and side.travels(pdo)]
-    usable = [pdo for pdo in free if not (side.receive and _moves(pdo))]
+    free = [pdo for pdo in pdos if (side.receive, pdo.number) not in used and side.is_transmitted(pdo)]
+    usable = [pdo for pdo in free if not (side.receive and _has_axis_object(pdo))]
     return side.chosen(usable, free, [list(side.entries)], ids)
 
 
-def _moves(pdo: PdoConfiguration) -> bool:
+def _has_axis_object(pdo: PdoConfiguration) -> bool:
     """Whether the RPDO contains an object of an axis, so that it must not be sent for outputs."""
     return any(first_axis(mapped.index) in _MOTION for mapped in pdo.mapping)

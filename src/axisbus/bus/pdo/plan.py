@@ -258,7 +258,7 @@ class DirectionPlan:
     def plan(self, pdos: tuple[PdoConfiguration, ...], axis: int, ids: CobIds) -> tuple[PlannedPdo, ...]:
         """Plan the PDOs of an axis, from all PDOs of the device."""
         usable = [pdo for pdo in pdos if self._usable(pdo, axis)]
-        slots = choose.slots([pdo for pdo in pdos if self.travels(pdo)], axis)
+        slots = choose.slots([pdo for pdo in pdos if self.is_transmitted(pdo)], axis)
         layout = LAYOUT_OUTPUTS if self.receive else LAYOUT_INPUTS
         chosen = self.chosen(usable, slots, layout, ids)
         return (*chosen, *self._redundant(pdos, chosen))
@@ -271,15 +271,15 @@ class DirectionPlan:
         ids: CobIds,
     ) -> list[PlannedPdo]:
         """Plan with the present mappings of ``usable`` PDOs, or a ``layout`` over ``slots`` if that is allowed and carries more."""
-        kept = choose.keep(usable, self.entries, switch_on=self.policy.communication)
+        mappings = choose.keep_mappings(usable, self.entries, switch_on=self.policy.communication)
         if self.policy.remap and self.policy.communication:
-            laid = choose.lay_out(slots, self._mappable(), layout, last=setpoint_edge_order.CONTROLWORD)
-            if len(laid.carried) > len(kept.carried):
-                kept = laid
-        planned = [self._planned(pdo, mapping, ids) for pdo, mapping in kept.pdos]
+            new_layout = choose.lay_out(slots, self._mappable(), layout, last=setpoint_edge_order.CONTROLWORD)
+            if len(new_layout.carried) > len(mappings.carried):
+                mappings = new_layout
+        planned = [self._planned(pdo, mapping, ids) for pdo, mapping in mappings.pdos]
         return [pdo for pdo in planned if pdo is not None]
 
-    def travels(self, pdo: PdoConfiguration) -> bool:
+    def is_transmitted(self, pdo: PdoConfiguration) -> bool:
         """Whether the PDO may be used: it is sent or accepted automatically, can be set to that, or the master requests it."""
         if self._may_retype(pdo) or self._requested(pdo):
             return True
@@ -318,10 +318,10 @@ class DirectionPlan:
         return texts
 
     def _usable(self, pdo: PdoConfiguration, axis: int) -> bool:
-        """Whether the present mapping may be used: it holds no objects of other axes, and the PDO may be used (see ``travels``)."""
+        """Whether the present mapping may be used: it has no other axes' objects, and the PDO may be used (``is_transmitted``)."""
         if self.receive and any(_is_of_other_axis(mapped, axis) for mapped in pdo.mapping):
             return False
-        return self.travels(pdo)
+        return self.is_transmitted(pdo)
 
     def _may_retype(self, pdo: PdoConfiguration) -> bool:
         return self.policy.communication and (self.receive, pdo.number) not in self.policy.fixed

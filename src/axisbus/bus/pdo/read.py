@@ -70,7 +70,7 @@ def read_pdo(sdo: SdoClient, receive: bool, number: int) -> PdoConfiguration | N
 def _read_existing(
     sdo: SdoClient, receive: bool, also: Collection[tuple[bool, int]]
 ) -> Iterable[PdoConfiguration]:
-    own = {number for way, number in also if way is receive}
+    own = {number for direction, number in also if direction is receive}
     for number in sorted(own.union(_numbers(sdo.dictionary, receive))):
         pdo = read_pdo(sdo, receive, number)
         if pdo is not None:

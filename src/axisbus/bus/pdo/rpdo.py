@@ -285,7 +285,7 @@ class RpdoPace:
             image.cob_id: _Rpdo(pdo, image, repeat) for pdo, image in zip(pdos, images, strict=True)
         }
         self._period = scan_period
-        self._has: dict[_Key, int] = {}
+        self._sent_values: dict[_Key, int] = {}
         self.plain = all(
             rpdo.repeat is None and rpdo.watched == math.inf for rpdo in self._rpdos.values()
         )  # no state is needed: every frame is sent
@@ -297,9 +297,9 @@ class RpdoPace:
         frames = arrange(self._images, given, controlword, previous)
         if self.plain:
             return frames
-        sent = [frame for frame in frames if self._goes(frame, now)]
+        sent = [frame for frame in frames if self._must_be_sent(frame, now)]
         for rpdo in self._rpdos.values():
-            if self._is_left_out(rpdo, controlword, now):
+            if self._must_be_repeated(rpdo, controlword, now):
                 frame = rpdo.image.frame(controlword)
                 self._note(rpdo, rpdo.values(frame[1]), now)
                 sent.append(frame)
@@ -307,21 +307,21 @@ class RpdoPace:
 
     def forget(self) -> None:
         """Send all RPDOs in use again: frames were dropped, or the drive was not operational meanwhile."""
-        self._has.clear()
+        self._sent_values.clear()
 
-    def _goes(self, frame: Frame, now: float) -> bool:
+    def _must_be_sent(self, frame: Frame, now: float) -> bool:
         rpdo = self._rpdos[frame[0]]
         values = rpdo.values(frame[1])
-        goes = (
+        must_be_sent = (
             rpdo.repeat is None
             or self._is_due(rpdo.sent_at, rpdo.repeat, now)
-            or any(self._has.get(key) != value for key, value in values.items())
+            or any(self._sent_values.get(key) != value for key, value in values.items())
         )
-        if goes:
+        if must_be_sent:
             self._note(rpdo, values, now)
-        return goes
+        return must_be_sent
 
-    def _is_left_out(self, rpdo: _Rpdo, controlword: int | None, now: float) -> bool:
+    def _must_be_repeated(self, rpdo: _Rpdo, controlword: int | None, now: float) -> bool:
         """Whether the drive monitors the RPDO and no frame has been sent in time; the frame then contains no new values."""
         if rpdo.sent_at == -math.inf or (rpdo.image.holds_controlword and controlword is None):
             return False
@@ -333,4 +333,4 @@ class RpdoPace:
 
     def _note(self, rpdo: _Rpdo, values: Mapping[_Key, int], now: float) -> None:
         rpdo.sent_at = now
-        self._has.update(values)
+        self._sent_values.update(values)

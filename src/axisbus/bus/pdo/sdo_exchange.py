@@ -97,7 +97,7 @@ class SdoOutputs:
     def take(self, given: Mapping[str, int], controlword: int | None) -> int | None:
         """Write the changed outputs; return the controlword for the RPDOs (None if it is written by SDO)."""
         if controlword is not None:
-            self._look_at(controlword)
+            self._note_controlword(controlword)
         for name, value in given.items():
             output = self._outputs.get(name)
             if output is not None and output.wants(value, self._worker.clock.now()):
@@ -108,7 +108,7 @@ class SdoOutputs:
             self._write_controlword(self._controlword, controlword)
         return None
 
-    def _look_at(self, controlword: int) -> None:
+    def _note_controlword(self, controlword: int) -> None:
         """Forget the written values when the drive is to leave *operation enabled*, and at the first word after a stop."""
         commands = controlword & _ENABLED == _ENABLED, is_stop(controlword)
         if commands == self._commands:
@@ -155,15 +155,15 @@ class Poller:
         self._periods = dict(periods)
         self._index_of = index_of
         self._due = dict.fromkeys(periods, float("-inf"))
-        self._under_way: set[str] = set()
+        self._pending: set[str] = set()
         self._answers: dict[str, tuple[Sample, float]] = {}
 
     def poll(self, now: float) -> None:
         """Request the inputs that are due; does not block."""
         for name, period in self._periods.items():
-            if now >= self._due[name] and name not in self._under_way:
+            if now >= self._due[name] and name not in self._pending:
                 self._due[name] = now + period
-                self._under_way.add(name)
+                self._pending.add(name)
                 self._worker.submit(self._job(name))
 
     def read_into(self, samples: dict[str, Sample]) -> None:
@@ -180,7 +180,7 @@ class Poller:
         def done(value: int | None, abort: int | None) -> None:
             if abort is None and value is not None:
                 self._answers[name] = Sample(value, self._worker.began), began
-            self._under_way.discard(name)
+            self._pending.discard(name)
 
         return SdoJob((self, name), self._index_of(INPUT_OBJECTS[name]), 0, None, done)
 
@@ -193,7 +193,7 @@ _STEP = "priming"
 
 
 # Start value of an output that cannot be read: the input that shows the same, or 0 if 0 means standstill.
-_INSTEAD = {"target_position": "position", "interpolation_target": "position", "mode": "mode"}
+_SUBSTITUTES = {"target_position": "position", "interpolation_target": "position", "mode": "mode"}
 _REST = frozenset({"target_velocity", "target_torque", *OFFSET_OBJECTS})
 
 
@@ -238,7 +238,7 @@ def _first_value(
     found = try_upload(sdo, mapped.index, mapped.subindex)
     if isinstance(found, bytes):
         return int.from_bytes(found, "little")
-    shown = samples.get(_INSTEAD.get(name or "", ""))
+    shown = samples.get(_SUBSTITUTES.get(name or "", ""))
     if shown is not None:
         return shown.value
     if name in _REST:

@@ -25,11 +25,10 @@ _NAMES = tuple(INPUT_OBJECTS)
 _tuple = tuple.__new__  # makes a named tuple from fitting values without the cost of its own ``__new__``
 
 
-class Incoming:
+class TpdoInputs:
     """Holds the newest sample of each input, by name in ``samples``; the methods return them in the order of ``Inputs``."""
 
     __slots__ = (
-        "_ahead",
         "_counts",
         "_deadlines",
         "_known",
@@ -38,6 +37,7 @@ class Incoming:
         "_now",
         "_slots",
         "_syncs",
+        "_unrecorded",
         "samples",
         "steady",
     )
@@ -53,7 +53,7 @@ class Incoming:
         self.samples: dict[str, Sample] = {}
         self._known: list[Sample | None] = [None] * len(_NAMES)
         self.steady = False  # whether ``renewed`` may be called
-        self._ahead = False  # whether ``_known`` is newer than ``samples`` and the deadlines
+        self._unrecorded = False  # whether ``_known`` is newer than ``samples`` and the deadlines
         self._now = -math.inf  # of the last call
 
     def renewed(self, now: float) -> list[Sample | None] | None:
@@ -79,16 +79,16 @@ class Incoming:
             slot.seen = latest
             data, stamp = latest
             values = slot.unpack(data)
-            for position, place in slot.places:
-                known[place] = _tuple(Sample, (values[position], stamp))
-        self._ahead, self._now = True, now
+            for position, input_index in slot.input_indices:
+                known[input_index] = _tuple(Sample, (values[position], stamp))
+        self._unrecorded, self._now = True, now
         return known
 
     def look(
         self, now: float, operational: bool, poller: Poller | None
     ) -> tuple[list[Sample | None], list[PdoEvent]]:
         """Return the newest samples and the events of the TPDOs; ``operational``: the TPDOs are expected."""
-        if self._ahead:
+        if self._unrecorded:
             self._catch_up()
         samples = self.samples
         sampled = self._lags.look(now, operational)
@@ -113,10 +113,10 @@ class Incoming:
         self.samples.clear()
         for slot, _ in self._slots:
             slot.seen = slot.latest
-        self.steady = self._ahead = False
+        self.steady = self._unrecorded = False
 
     def _catch_up(self) -> None:
-        self._ahead = False
+        self._unrecorded = False
         self.samples.update(
             (name, sample) for name, sample in zip(_NAMES, self._known, strict=True) if sample
         )
@@ -124,11 +124,11 @@ class Incoming:
 
     def _are_only_sources(self, known: Sequence[Sample | None]) -> bool:
         """Whether each value of a TPDO is the one from the last frame of this TPDO."""
-        places = [place for slot, _ in self._slots for _, place in slot.places]
-        return len(set(places)) == len(places) and all(
-            (sample := known[place]) is not None and sample.stamp == slot.seen[1]
+        input_indices = [input_index for slot, _ in self._slots for _, input_index in slot.input_indices]
+        return len(set(input_indices)) == len(input_indices) and all(
+            (sample := known[input_index]) is not None and sample.stamp == slot.seen[1]
             for slot, _ in self._slots
-            for _, place in slot.places
+            for _, input_index in slot.input_indices
         )
 
 
@@ -139,7 +139,7 @@ def _unless_too_late(sample: Sample | None) -> Sample | None:
 # -- The newest frame of one TPDO, stored by the receive thread and decoded once by the scan ---------------------------
 
 
-_PLACES = {name: place for place, name in enumerate(INPUT_OBJECTS)}
+_INPUT_INDICES = {name: input_index for input_index, name in enumerate(INPUT_OBJECTS)}
 
 
 class TpdoSlot:
@@ -149,7 +149,7 @@ class TpdoSlot:
 
     A frame shorter than the mapping is not decoded; it is counted in ``short``, and its values grow old. Surplus bytes of a longer
     frame are ignored (CiA 301 7.2.2.5). ``latest`` is the newest pair, ``seen`` the pair that the one reader has read last.
-    ``frames`` counts all frames, whole or short. ``places`` assigns the frame's values to inputs, by position in both.
+    ``frames`` counts all frames, whole or short. ``input_indices`` assigns the frame's values to inputs, by position in both.
     """
 
     __slots__ = (
@@ -157,9 +157,9 @@ class TpdoSlot:
         "_names",
         "cob_id",
         "frames",
+        "input_indices",
         "latest",
         "name",
-        "places",
         "request",
         "seen",
         "short",
@@ -177,7 +177,7 @@ class TpdoSlot:
         self.size = codec.size  # data bytes of a whole frame
         self.unpack = codec.unpack_from
         self._names = tuple((position, name) for position, name in enumerate(pdo.values) if name is not None)
-        self.places = tuple((position, _PLACES[name]) for position, name in self._names)
+        self.input_indices = tuple((position, _INPUT_INDICES[name]) for position, name in self._names)
         self._drop = drop
         self.latest = self.seen = (b"", -math.inf)
 

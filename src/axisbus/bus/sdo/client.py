@@ -92,16 +92,16 @@ class SdoClient:
         timeout: float | None = None,
         tries: int | None = None,
         call: Call | None = None,
-        way: SdoTransferType = SdoTransferType.AUTO,
+        transfer_type: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
         most: int | None = None,
     ) -> bytes:
         """Read an object's bytes (CiA 301 7.2.4.3.5, in blocks 7.2.4.3.12); blocks.
 
         ``timeout`` (seconds) and ``tries`` replace those of the client. ``call`` is a handle made before, for ``cancel``. With
-        ``way`` AUTO the client changes to a block transfer if the server announces 256 bytes or more. ``progress(done, all)`` is
-        called in this thread with the bytes received and the bytes announced (None: not announced); it starts again with each
-        attempt. ``most`` limits the bytes accepted from the server; None: 256 for a number, 64 KiB for a text, else 16 MiB.
+        ``transfer_type`` AUTO the client changes to a block transfer if the server announces 256 bytes or more. ``progress(done,
+        all)`` is called in this thread with the bytes received and the bytes announced (None: not announced); it starts again with
+        each attempt. ``most`` limits the bytes accepted from the server; None: 256 for a number, 64 KiB for a text, else 16 MiB.
 
         Raises:
             SdoAbort: the server refused.
@@ -116,7 +116,9 @@ class SdoClient:
             most = _most(data_type)
         usual = None if data_type is None else size_in_bytes(data_type)
         tries = tries or self._tries_to_read(index, subindex)
-        request = SdoTransferRequest(index, subindex, None, timeout or self.timeout, tries, way, most, usual)
+        request = SdoTransferRequest(
+            index, subindex, None, timeout or self.timeout, tries, transfer_type, most, usual
+        )
         return self._run(request, call, progress)
 
     def download(
@@ -128,19 +130,19 @@ class SdoClient:
         timeout: float | None = None,
         tries: int | None = None,
         call: Call | None = None,
-        way: SdoTransferType = SdoTransferType.AUTO,
+        transfer_type: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
         """Write an object's bytes (CiA 301 7.2.4.3.3, in blocks 7.2.4.3.8); blocks. An empty value uses a segmented transfer.
 
-        With ``way`` AUTO the client uses a block transfer for 256 bytes and more. ``progress(done, all)`` counts the bytes that the
-        server has confirmed.
+        With ``transfer_type`` AUTO the client uses a block transfer for 256 bytes and more. ``progress(done, all)`` counts the
+        bytes that the server has confirmed.
 
         Raises:
             as ``upload``.
         """
         request = SdoTransferRequest(
-            index, subindex, bytes(data), timeout or self.timeout, tries or self.tries, way
+            index, subindex, bytes(data), timeout or self.timeout, tries or self.tries, transfer_type
         )
         self._run(request, call, progress)
 

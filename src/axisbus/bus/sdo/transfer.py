@@ -53,7 +53,7 @@ class SdoConnection:
         self.trips = RoundTrips()
         self.heard = 0.0  # time of the newest answer
         self._node_id = node_id
-        self._talking = 0  # number of sessions that accept answers
+        self._open_count = 0  # number of sessions that accept answers
         channel.subscribe(self.answer_id, self._on_answer)
         channel.on_failure.append(self._on_failure)
 
@@ -67,14 +67,14 @@ class SdoConnection:
 
     def open(self) -> None:
         """Accept answers from now on; frames left by the transfer before are dropped and counted."""
-        self._talking += 1
+        self._open_count += 1
         for _ in range(len(self.inbox)):
             if frame := self.receive(0.0):
                 self.drop(frame)
 
-    def rest(self) -> None:
+    def finish(self) -> None:
         """Accept no more answers."""
-        self._talking -= 1
+        self._open_count -= 1
 
     def drop(self, data: bytes, count: int = 1) -> None:
         """Count unexpected answers; ``data`` is that of the newest."""
@@ -93,7 +93,7 @@ class SdoConnection:
 
     def _on_answer(self, data: bytes, stamp: float) -> None:
         self.heard = stamp
-        if data and self._talking:
+        if data and self._open_count:
             self.inbox.put(data)
         else:
             self.drop(data)
@@ -112,64 +112,66 @@ class Call:
         self.cancelled = False
 
 
-def carry_out(line: SdoConnection, call: Call, session: SdoSession, progress: Progress | None = None) -> None:
+def carry_out(
+    connection: SdoConnection, call: Call, session: SdoSession, progress: Progress | None = None
+) -> None:
     """Run a session to its end; blocks. If it is cancelled, the server gets an abort.
 
     Raises:
         Cancelled, AdapterError.
     """
-    line.open()
+    connection.open()
     try:
-        _converse(line, call, session, progress)
+        _converse(connection, call, session, progress)
     except Cancelled:
         for frame in session.give_up():
-            line.send(frame)
+            connection.send(frame)
         raise
     except BaseException:
         session.give_up()  # so that ``late`` shows what may still be answered; nothing can be sent
         raise
     finally:
-        line.rest()
+        connection.finish()
         if session.astray:
-            line.drop(session.strays[-1], session.astray)
+            connection.drop(session.strays[-1], session.astray)
 
 
-def _converse(line: SdoConnection, call: Call, session: SdoSession, progress: Progress | None) -> None:
-    clock = line.channel.clock
-    _check_wanted(line, call)
+def _converse(connection: SdoConnection, call: Call, session: SdoSession, progress: Progress | None) -> None:
+    clock = connection.channel.clock
+    _check_wanted(connection, call)
     asked = clock.now()
-    _send(line, call, session.start())
-    then, told = clock.now(), None
+    _send(connection, call, session.start())
+    last, reported = clock.now(), None
     clear = not session.late  # else the next answer may belong to an earlier request
     while not session.done:
-        frame = line.receive(session.remaining)
+        frame = connection.receive(session.remaining)
         now = clock.now()
         unfit = session.unfit
-        answer = session.receive(frame, now - then) if frame else session.elapse(now - then)
+        answer = session.receive(frame, now - last) if frame else session.elapse(now - last)
         if frame and clear and session.unfit == unfit:
-            line.trips.note(asked, line.heard)
-        _check_wanted(line, call)
-        then = now
+            connection.trips.note(asked, connection.heard)
+        _check_wanted(connection, call)
+        last = now
         if answer:
-            asked = then
-            _send(line, call, answer)
-            then = clock.now()
+            asked = last
+            _send(connection, call, answer)
+            last = clock.now()
             clear = not session.late
-        if progress is not None and told != session.progress:
-            told = session.progress
-            progress(*told)
+        if progress is not None and reported != session.progress:
+            reported = session.progress
+            progress(*reported)
 
 
-def _send(line: SdoConnection, call: Call, frames: Frames) -> None:
+def _send(connection: SdoConnection, call: Call, frames: Frames) -> None:
     for number, frame in enumerate(frames):
         if number and number % GROUP == 0:
-            line.channel.clock.sleep(PAUSE)
-            _check_wanted(line, call)
-        line.send(frame)
+            connection.channel.clock.sleep(PAUSE)
+            _check_wanted(connection, call)
+        connection.send(frame)
 
 
-def _check_wanted(line: SdoConnection, call: Call) -> None:
-    line.channel.check()
+def _check_wanted(connection: SdoConnection, call: Call) -> None:
+    connection.channel.check()
     if call.cancelled:
         raise Cancelled
 

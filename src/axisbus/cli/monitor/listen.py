@@ -7,7 +7,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import Any
 
-from axisbus.bus.link.adapter import manner
+from axisbus.bus.link.adapter import listening_text
 from axisbus.bus.link.listen import Listener
 from axisbus.cell import reader
 from axisbus.cia301.master_detection import words
@@ -28,7 +28,9 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
     with ExitStack() as stack, suppress(KeyboardInterrupt):  # the normal end of listening
         listener = listen_to(cell, stack, silent=True)
         if not as_json:
-            say(f"listening on {cell.bus.interface}:{cell.bus.channel or ''}; {manner(cell.bus.interface)}")
+            say(
+                f"listening on {cell.bus.interface}:{cell.bus.channel or ''}; {listening_text(cell.bus.interface)}"
+            )
         _look_on(listener, overview, every, count, as_json)
     if not as_json:
         if against := overview.tally.words():

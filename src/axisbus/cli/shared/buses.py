@@ -39,7 +39,7 @@ def open_bus(
 
     options = parse_options(option)
     if interface == SIMULATED:
-        return _stand_ins(stack, simulated(channel, option))
+        return _simulated_nodes(stack, simulated(channel, option))
     if interface is not None:
         require_rate(interface, bitrate, options)
         return stack.enter_context(Channel.open(interface, channel, bitrate, **options))
@@ -52,7 +52,7 @@ def open_bus(
         from axisbus.cli.shared.attach_or_open import require_none_runs
 
         require_none_runs(cell)
-    return _stand_ins(stack, loaded)
+    return _simulated_nodes(stack, loaded)
 
 
 def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
@@ -76,7 +76,7 @@ def simulated(channel: str | None, option: tuple[str, ...]) -> CellConfig:
     return replace(loaded, bus=replace(loaded.bus, interface=SIMULATED, options={}))
 
 
-def _stand_ins(stack: ExitStack, cell: CellConfig) -> Channel:
+def _simulated_nodes(stack: ExitStack, cell: CellConfig) -> Channel:
     from axisbus.core.canlink import open_channel
     from axisbus.core.files import load_dictionaries
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import click
 
 from axisbus.drives import registry
-from axisbus.sim.node.network import Guest
+from axisbus.sim.node.network import ForeignNode
 
 TRACE, SIM = "trace_options", "sim_options"
 _ABOUT = "{plugins}"  # in the docstring of a command: where the texts about the options are
@@ -40,7 +40,7 @@ class TraceOption:
         return click.option(self.name, default="", metavar="N,N,...", help=self.help)(function)
 
 
-def _nobody(values: Sequence[Any]) -> list[Guest]:  # noqa: ARG001
+def _nobody(values: Sequence[Any]) -> list[ForeignNode]:  # noqa: ARG001
     return []
 
 
@@ -56,7 +56,7 @@ def _not_served(values: Sequence[Any]) -> AbstractContextManager[None]:  # noqa:
 class SimOption:
     """An option ``name`` of ``axisbus sim`` that may be repeated: simulated nodes in addition to those of the cell file.
 
-    ``guests`` makes those on the bus, and ``text`` tells the user about them. ``serve`` serves others elsewhere during its block.
+    ``foreign_nodes`` makes those on the bus, ``text`` tells the user about them, ``serve`` serves others during its block.
     ``about`` is a sentence or two for the help of the command.
     """
 
@@ -64,7 +64,7 @@ class SimOption:
     type: click.ParamType  # type: ignore[type-arg,unused-ignore]
     help: str
     about: str = ""
-    guests: Callable[[Sequence[Any]], Sequence[Guest]] = _nobody
+    foreign_nodes: Callable[[Sequence[Any]], Sequence[ForeignNode]] = _nobody
     text: Callable[[Sequence[Any]], str] = _no_text
     serve: Callable[[Sequence[Any]], AbstractContextManager[None]] = _not_served
 

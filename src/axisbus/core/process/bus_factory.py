@@ -10,7 +10,7 @@ from axisbus.cell.model import CellConfig
 from axisbus.cell.other_protocols import adapter_options
 
 
-def reach(cell: CellConfig, drives: socket.socket | None = None) -> Channel:
+def open_bus(cell: CellConfig, drives: socket.socket | None = None) -> Channel:
     """Open the adapter of a cell's bus, or the line to simulated drives in another process; raises AdapterError."""
     if drives is not None:
         line = PairBus(drives)

@@ -50,35 +50,37 @@ if TYPE_CHECKING:
 log = logging.getLogger("axisbus")
 _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 _CLOSE_MARGIN = 5.0  # seconds for leaving, in addition to the stop sequences
-_RESCUE = 10.0  # seconds until the watchdog process has stopped every drive
-_KILL = 45.0  # seconds until the watchdog process has killed a core that hangs, and stopped every drive
-_FAREWELL = 1.0
+_RESCUE_TIMEOUT = 10.0  # seconds until the watchdog process has stopped every drive
+_KILL_TIMEOUT = (
+    45.0  # seconds until the watchdog process has killed a core that hangs, and stopped every drive
+)
+_CLOSE_TIME = 1.0
 _CHUNK = 1 << 16  # bytes of a program in one message
-_PROGRESS = 0.1  # seconds between two requests for the progress of a write
-_JOINING = 30.0  # seconds until a core has answered, and halted moving axes if control is taken
+_PROGRESS_PERIOD = 0.1  # seconds between two requests for the progress of a write
+_JOIN_TIMEOUT = 30.0  # seconds until a core has answered, and halted moving axes if control is taken
 
 
 class RemoteCore:
     """Holds the process, the connection to it, and the facts about its nodes."""
 
-    realtime = apart = True
+    realtime = outlives_program = True
     clock: Clock = REAL
-    degree = ""
+    real_time_status = ""
     process = 0  # the core's ID
     commanded_by = ""  # the program with control when this program joined
     in_cycle: Callable[[], bool] | None = None
 
     def __init__(
-        self, cell: CellConfig, process: Processes | ClientConnection, wanted: m.OpenCell | m.Attach
+        self, cell: CellConfig, process: Processes | ClientConnection, opening_request: m.OpenCell | m.Attach
     ) -> None:
         """Make ``process`` open ``cell``, or join it if it is open; blocks until that is done. Raises as ``Machine.open``."""
         self._cell = cell
-        self._wanted = wanted
-        self.joined = isinstance(wanted, m.Attach)
+        self._opening_request = opening_request
+        self.joined = isinstance(opening_request, m.Attach)
         self._process = process
         self._dictionaries: Mapping[int, Eds] = {}
         self._opened: m.CellOpened | m.NotOpened | None = None
-        self._news = threading.Event()  # of opening, and of leaving
+        self._changed = threading.Event()  # of opening, and of leaving
         self._left: m.Left | None = None
         self._joined: Joined = lambda _: None
         self._events: dict[int, RemoteEvents] = {}
@@ -86,15 +88,15 @@ class RemoteCore:
         self.nodes: dict[int, NodeParts] = {}
         self._errors = Errors()
         stream = MessageStream(process.line, m.CODEC.pack, "axisbus asks")
-        self._calls = RpcClient(stream, self._soon(), self._later(), self._gone)
+        self._rpc = RpcClient(stream, self._immediate_handlers(), self._deferred_handlers(), self._core_ended)
         image = ImageReader(process.memory, tuple(cell.axes), self._errors.of)
         io = IoImage(process.memory, len(cell.axes), tuple(cell.io))
-        tally = SharedCounters(process.memory, len(cell.axes), len(cell.io))
+        counters = SharedCounters(process.memory, len(cell.axes), len(cell.io))
         self.session = RemoteSession(
-            self._calls,
+            self._rpc,
             image,
             io,
-            tally,
+            counters,
             self._errors,
             {},
             cell.bus.scan_period,
@@ -105,8 +107,8 @@ class RemoteCore:
             self._watchdog_over.set()
         control = process.control
         self._control = None if control is None else SimulatedDrivesHandle(control)
-        self.stand_ins = {} if self._control is None else self._control.stand_ins(cell.nodes)
-        self._calls.start()  # the core may end at once: all objects needed then exist now
+        self.simulated_nodes = {} if self._control is None else self._control.simulated_nodes(cell.nodes)
+        self._rpc.start()  # the core may end at once: all objects needed then exist now
         self._watchdog = self._monitor_watchdog(process.watchdog)
         try:
             self._open()
@@ -121,24 +123,24 @@ class RemoteCore:
     def await_values(self) -> None:
         """As ``CoreInterface.await_values``; the core has already done that."""
 
-    def boot_node(self, node_id: int, tell: Callable[[str], None] = lambda _: None) -> Booted:
+    def boot_node(self, node_id: int, on_step: Callable[[str], None] = lambda _: None) -> Booted:
         """As ``CoreInterface.boot_node``; the core boots the node."""
-        self._calls.ask("boot", node_id, progress=tell)
+        self._rpc.ask("boot", node_id, progress=on_step)
         return self.booted[node_id]
 
     def reconnect(self) -> list[StopResult]:
         """As ``CoreInterface.reconnect``; the core opens the adapter again."""
-        found: list[StopResult] = self._calls.ask("reconnect")
+        found: list[StopResult] = self._rpc.ask("reconnect")
         return found
 
     def find_replacement(self, node_id: int) -> list[FoundDrive]:
         """As ``CoreInterface.find_replacement``."""
-        found: list[FoundDrive] = self._calls.ask("find_replacement", node_id)
+        found: list[FoundDrive] = self._rpc.ask("find_replacement", node_id)
         return found
 
-    def replace_drive(self, order: ReplacementOrder, tell: Tell = lambda _: None) -> ReplacementOutcome:
+    def replace_drive(self, order: ReplacementOrder, on_step: Tell = lambda _: None) -> ReplacementOutcome:
         """As ``CoreInterface.replace_drive``; the core does it, also if this program ends meanwhile."""
-        outcome: ReplacementOutcome = self._calls.ask("replace_drive", order.node_id, order, progress=tell)
+        outcome: ReplacementOutcome = self._rpc.ask("replace_drive", order.node_id, order, progress=on_step)
         return outcome
 
     def write_program(
@@ -146,11 +148,11 @@ class RemoteCore:
     ) -> ProgramWritten:
         """As ``CoreInterface.write_program``; the core continues if this program ends."""
         for offset in range(0, max(1, len(order.data)), _CHUNK):
-            self._calls.ask("program_data", node_id, offset, order.data[offset : offset + _CHUNK])
-        self._calls.ask("program_write", node_id, order.identification, order.deadline)
+            self._rpc.ask("program_data", node_id, offset, order.data[offset : offset + _CHUNK])
+        self._rpc.ask("program_write", node_id, order.identification, order.deadline)
         shown = -1
         while True:
-            state: ProgramRunState = self._calls.ask("program_state", node_id)
+            state: ProgramRunState = self._rpc.ask("program_state", node_id)
             if progress is not None and state.done > shown and not state.ended:
                 shown = state.done
                 progress(state.done, state.total)
@@ -160,21 +162,21 @@ class RemoteCore:
                 if progress is not None:
                     progress(state.written.size, state.written.size)
                 return state.written
-            time.sleep(_PROGRESS)
+            time.sleep(_PROGRESS_PERIOD)
 
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``CoreInterface.leave``; afterwards the process has ended."""
         began = time.monotonic()
-        self._calls.send(m.Leave(reason))
+        self._rpc.send(m.Leave(reason))
         times = [facts.parameters.stop_times.stop_sequence for facts in self.session.axes.values()]
         interruption = self._wait(
-            lambda: self._left is not None or self._calls.over, max(times, default=0.0) + _CLOSE_MARGIN
+            lambda: self._left is not None or self._rpc.over, max(times, default=0.0) + _CLOSE_MARGIN
         )
         if self._left is None:
             # The core has died, or hangs: wait for its watchdog process, and do not interrupt it.
-            seconds = _RESCUE if self._calls.over else _KILL
+            seconds = _RESCUE_TIMEOUT if self._rpc.over else _KILL_TIMEOUT
             interruption = self._wait(self._watchdog_over.is_set, seconds) or interruption
-        over, failed = self._calls.over, self.session.failed
+        over, failed = self._rpc.over, self.session.failed
         self._end()
         if interruption is not None:
             raise interruption
@@ -184,7 +186,7 @@ class RemoteCore:
             return [unanswered("the machine was closed", time.monotonic() - began)]
         if self.joined and not failed:
             return []  # the program that opened the machine has closed it meanwhile
-        return [self._calls.gone("the machine was closed")]
+        return [self._rpc.ended_error("the machine was closed")]
 
     def _wait(self, done: Callable[[], bool], seconds: float) -> BaseException | None:
         """Wait for an event; return the exception that interrupts this, to be raised when all axes are at standstill."""
@@ -192,16 +194,16 @@ class RemoteCore:
         until = time.monotonic() + seconds
         while not done() and time.monotonic() < until:
             try:
-                self._news.wait(_SLICE)
-                self._news.clear()
+                self._changed.wait(_SLICE)
+                self._changed.clear()
             except BaseException as error:  # noqa: BLE001  # a user's own handler
                 interruption = error
         return interruption
 
     def disown(self) -> None:
         """As ``CoreInterface.disown``."""
-        for calls in self._lines:
-            calls.disown()
+        for rpc in self._connections:
+            rpc.disown()
         if self._control is not None:
             self._control.disown()
         self._process.disown()
@@ -213,8 +215,8 @@ class RemoteCore:
 
     def _end(self) -> None:
         self._feeder.close()
-        for calls in self._lines:
-            calls.close(_FAREWELL)
+        for rpc in self._connections:
+            rpc.close(_CLOSE_TIME)
         self._process.end()
 
     def _monitor_watchdog(self, line: socket.socket | None) -> RpcClient | None:
@@ -227,46 +229,46 @@ class RemoteCore:
         return watchdog
 
     @property
-    def _lines(self) -> list[RpcClient]:
-        return [self._calls] if self._watchdog is None else [self._calls, self._watchdog]
+    def _connections(self) -> list[RpcClient]:
+        return [self._rpc] if self._watchdog is None else [self._rpc, self._watchdog]
 
     # -- opening -------------------------------------------------------------------------------------------------------
 
     def _open(self) -> None:
-        self._calls.send(self._wanted)
+        self._rpc.send(self._opening_request)
         self._dictionaries = with_dictionaries(self._cell, load_dictionaries(self._cell))  # meanwhile
-        until = time.monotonic() + (_JOINING if self.joined else math.inf)
-        while self._opened is None and not self._calls.over and time.monotonic() < until:
-            self._news.wait(_SLICE)
+        until = time.monotonic() + (_JOIN_TIMEOUT if self.joined else math.inf)
+        while self._opened is None and not self._rpc.over and time.monotonic() < until:
+            self._changed.wait(_SLICE)
         what = "the machine was being joined" if self.joined else "the machine was being opened"
-        if self._opened is None and not self._calls.over:
-            raise unanswered(what, _JOINING)
+        if self._opened is None and not self._rpc.over:
+            raise unanswered(what, _JOIN_TIMEOUT)
         if self._opened is None:
             self._await_report()
-            raise self._calls.gone(what)
+            raise self._rpc.ended_error(what)
         if isinstance(self._opened, m.NotOpened):
-            raise _reason(self._opened)
+            raise _open_error(self._opened)
         for node_id, facts in self._opened.nodes.items():
             self._take_node(node_id, facts)
         self.session.join(self._opened.axes)
-        self.degree, self.process = self._opened.degree, self._opened.process
+        self.real_time_status, self.process = self._opened.real_time_status, self._opened.process
         self.commanded_by = self._opened.commanded_by if self.joined else ""
         self._process.watch_core(self.process)
-        self._news.clear()
+        self._changed.clear()
 
     def _await_report(self) -> None:
         """Wait for the report of the watchdog process about the end of the core."""
-        until = time.monotonic() + _RESCUE
+        until = time.monotonic() + _RESCUE_TIMEOUT
         while not self._watchdog_over.wait(_SLICE) and time.monotonic() < until:
             pass
 
     def _take_node(self, node_id: int, facts: m.NodeFacts) -> None:
         self.booted[node_id] = Booted(facts.report, facts.parameters)
-        events = RemoteEvents(self._calls, node_id) if facts.watched else None
+        events = RemoteEvents(self._rpc, node_id) if facts.watched else None
         if events is not None:
             self._events[node_id] = events
-        objects = RemoteObjects(self._calls, node_id)
-        node = RemoteNode(self._calls, node_id)
+        objects = RemoteObjects(self._rpc, node_id)
+        node = RemoteNode(self._rpc, node_id)
         self.nodes[node_id] = NodeParts(
             node_id,
             self._dictionaries[node_id],
@@ -281,37 +283,37 @@ class RemoteCore:
 
     # -- messages of the core ------------------------------------------------------------------------------------------
 
-    def _soon(self) -> dict[type, Callable[..., None]]:
+    def _immediate_handlers(self) -> dict[type, Callable[..., None]]:
         return {
             m.CellOpened: self._take_opened,
             m.NotOpened: self._take_opened,
-            m.ErrorTold: self._errors.take,
+            m.ErrorMessage: self._errors.take,
             m.CoreCondition: lambda condition: self.session.take(condition),
             m.Left: self._take_left,
             m.WantSamples: lambda want: self._feeder.request(want.stream, want.first, want.count),
             m.StreamOver: lambda over: self._feeder.drop(over.stream),
         }
 
-    def _later(self) -> dict[type, Callable[..., None]]:
+    def _deferred_handlers(self) -> dict[type, Callable[..., None]]:
         return {
-            m.CommandEvents: lambda told: self.session.tell(told),
-            m.CycleImages: lambda cycles: self.session.show(cycles),
-            m.Frames: lambda frames: self.session.show_frames(frames),
-            m.NodeTold: self._tell_event,
+            m.CommandEvents: lambda message: self.session.deliver(message),
+            m.CycleImages: lambda cycles: self.session.deliver_images(cycles),
+            m.Frames: lambda frames: self.session.deliver_frames(frames),
+            m.NodeEventMessage: self._deliver_event,
             m.NodeJoined: self._join,
         }
 
     def _take_opened(self, opened: m.CellOpened | m.NotOpened) -> None:
         self._opened = opened
-        self._news.set()
+        self._changed.set()
 
     def _take_left(self, left: m.Left) -> None:
         self._left = left
-        self._calls.last, self._calls.has_left = left.last, True
-        self._news.set()
+        self._rpc.last, self._rpc.has_left = left.last, True
+        self._changed.set()
 
-    def _tell_event(self, told: m.NodeTold) -> None:
-        self._events[told.event.node].tell(told.event)
+    def _deliver_event(self, message: m.NodeEventMessage) -> None:
+        self._events[message.event.node].deliver(message.event)
 
     def _join(self, joined: m.NodeJoined) -> None:
         self._take_node(joined.node, joined.facts)
@@ -319,44 +321,44 @@ class RemoteCore:
         self._joined(self.booted[joined.node])
 
     def _take_rescued(self, rescued: m.Rescued) -> None:
-        self._calls.rescued = rescued
+        self._rpc.rescued = rescued
 
     def _watchdog_gone(self) -> None:
         self._watchdog_over.set()
-        self._news.set()
+        self._changed.set()
 
-    def _gone(self) -> None:
+    def _core_ended(self) -> None:
         """Handle the end of the core. If it had not left, wait for the result of its watchdog process."""
         if self._left is None:
-            self._watchdog_over.wait(_RESCUE)
-        if self._calls.lost:
-            log.error("%s", self._calls.gone("the machine no longer runs"))
+            self._watchdog_over.wait(_RESCUE_TIMEOUT)
+        if self._rpc.lost:
+            log.error("%s", self._rpc.ended_error("the machine no longer runs"))
         self.session.end_all()
-        self._news.set()
+        self._changed.set()
 
 
-def _reason(told: m.NotOpened) -> BaseException:
+def _open_error(message: m.NotOpened) -> BaseException:
     """Return the error of an open that failed."""
-    if not told.message:
-        return told.errors[0]
-    return ExceptionGroup(told.message, told.errors)
+    if not message.message:
+        return message.errors[0]
+    return ExceptionGroup(message.message, message.errors)
 
 
 # -- A node of a core in another process, for direct access: each access is a request to the core ----------------------
 
 
-class _OfNode:
+class _NodeProxy:
     """A part of a node; its values are requested from the core."""
 
-    def __init__(self, calls: RpcClient, node_id: int) -> None:
-        self._calls = calls
+    def __init__(self, rpc: RpcClient, node_id: int) -> None:
+        self._rpc = rpc
         self._node_id = node_id
 
     def _ask(self, what: str, *arguments: Any) -> Any:
-        return self._calls.ask(what, self._node_id, *arguments)
+        return self._rpc.ask(what, self._node_id, *arguments)
 
 
-class RemoteObjects(_OfNode):
+class RemoteObjects(_NodeProxy):
     """The objects of a node, by SDO transfers that the core makes (``boot.objects.NodeObjects``)."""
 
     @property
@@ -388,16 +390,16 @@ class RemoteObjects(_OfNode):
         subindex: int,
         data: bytes,
         *,
-        way: SdoTransferType = SdoTransferType.AUTO,
+        transfer_type: SdoTransferType = SdoTransferType.AUTO,
         progress: Progress | None = None,
     ) -> None:
         """Set an object's bytes; blocks. ``progress`` is called when all have arrived."""
-        self._ask("download", index, subindex, bytes(data), way)
+        self._ask("download", index, subindex, bytes(data), transfer_type)
         if progress is not None:
             progress(len(data), len(data))
 
 
-class RemoteNmt(_OfNode):
+class RemoteNmt(_NodeProxy):
     """The NMT state of a node by its heartbeats."""
 
     @property
@@ -413,7 +415,7 @@ class RemoteNmt(_OfNode):
         return reports
 
 
-class RemoteEmcy(_OfNode):
+class RemoteEmcy(_NodeProxy):
     """A node's emergency messages, and their incidents (``cia301.incident.EmcyLog``)."""
 
     @property
@@ -428,14 +430,14 @@ class RemoteEmcy(_OfNode):
         return found
 
 
-class RemoteNode(_OfNode):
+class RemoteNode(_NodeProxy):
     """A node as ``NodeParts.node``."""
 
-    def __init__(self, calls: RpcClient, node_id: int) -> None:
-        super().__init__(calls, node_id)
+    def __init__(self, rpc: RpcClient, node_id: int) -> None:
+        super().__init__(rpc, node_id)
         self.node_id = node_id
-        self.nmt = RemoteNmt(calls, node_id)
-        self.emcy = RemoteEmcy(calls, node_id)
+        self.nmt = RemoteNmt(rpc, node_id)
+        self.emcy = RemoteEmcy(rpc, node_id)
 
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:
         """Send an NMT command and wait until it is confirmed; blocks, raises as ``CanopenNode.command``."""
@@ -448,12 +450,12 @@ class RemoteNode(_OfNode):
         return found
 
 
-class RemoteEvents(_OfNode):
+class RemoteEvents(_NodeProxy):
     """The events of error control for a node; holds its listeners."""
 
-    def __init__(self, calls: RpcClient, node_id: int) -> None:
-        super().__init__(calls, node_id)
-        self._hear: tuple[Callable[[NodeEvent], None], ...] = ()
+    def __init__(self, rpc: RpcClient, node_id: int) -> None:
+        super().__init__(rpc, node_id)
+        self._callbacks: tuple[Callable[[NodeEvent], None], ...] = ()
 
     @property
     def events(self) -> list[NodeEvent]:
@@ -461,13 +463,13 @@ class RemoteEvents(_OfNode):
         found: list[NodeEvent] = self._ask("events")
         return found
 
-    def hear(self, call: Callable[[NodeEvent], None]) -> None:
-        """Call ``call`` with every event from now on, in the thread of this program that delivers events."""
-        if not self._hear:
+    def subscribe(self, callback: Callable[[NodeEvent], None]) -> None:
+        """Call ``callback`` with every event from now on, in the thread of this program that delivers events."""
+        if not self._callbacks:
             self._ask("watch")
-        self._hear = (*self._hear, call)
+        self._callbacks = (*self._callbacks, callback)
 
-    def tell(self, event: NodeEvent) -> None:
+    def deliver(self, event: NodeEvent) -> None:
         """Deliver an event to all listeners."""
-        for hear in self._hear:
-            hear(event)
+        for callback in self._callbacks:
+            callback(event)

@@ -24,12 +24,12 @@ from axisbus.core.process import shared_counters
 from axisbus.core.process.persistence.plant_log import history_path
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.core.realtime_setup import (
-    APART,
     FIFO,
     IN_A_THREAD,
+    ISOLATED,
     LOCKED,
     OWN_PROCESS,
-    WAKEFUL,
+    QUICK_WAKING,
     isolated,
     permitted,
 )
@@ -37,17 +37,17 @@ from axisbus.errors import PlatformError
 from axisbus.ipc.own_socket import inode_of
 
 _FIRST_FREE = 3  # the first descriptor after the standard streams
-_END = 15.0  # seconds for core and watchdog process to end after leaving: a rescue may be in progress
+_END_TIMEOUT = 15.0  # seconds for core and watchdog process to end after leaving: a rescue may be in progress
 
 
 _PERMIT = {
     FIFO: "rtprio 50 in limits.conf",
     LOCKED: "memlock unlimited in limits.conf",
-    WAKEFUL: "a udev rule that lets your group write /dev/cpu_dma_latency",
+    QUICK_WAKING: "a udev rule that lets your group write /dev/cpu_dma_latency",
 }
 
 
-def wanted(bus: BusConfig) -> bool:
+def has_own_process(bus: BusConfig) -> bool:
     """Whether the core of a cell runs in its own process: as the cell says, else ``AXISBUS_PROCESS``, else if possible."""
     can = sys.platform == "linux" and bus.interface != "virtual"  # that bus exists in one process only
     return can and (bus.process or os.environ.get("AXISBUS_PROCESS", "own")) == "own"
@@ -69,11 +69,11 @@ def require_joinable_system() -> None:
 
 def expected(bus: BusConfig) -> str:
     """Return the expected real-time status, as ``Machine.real_time_status``, and the permissions that are missing."""
-    if not wanted(bus):
+    if not has_own_process(bus):
         return IN_A_THREAD
-    got = [*permitted(), *([APART] if isolated() else [])]
-    lacks = [f"{what} is not permitted ({help_})" for what, help_ in _PERMIT.items() if what not in got]
-    return ", ".join([OWN_PROCESS, *got]) + "".join(f"; {lack}" for lack in lacks)
+    got = [*permitted(), *([ISOLATED] if isolated() else [])]
+    missing = [f"{what} is not permitted ({help_})" for what, help_ in _PERMIT.items() if what not in got]
+    return ", ".join([OWN_PROCESS, *got]) + "".join(f"; {text}" for text in missing)
 
 
 class Processes:
@@ -96,25 +96,30 @@ class Processes:
         if simulated:
             history_path(cell)  # before anything is opened: it would end the simulated drives
         lock = ownership.hold_claim(
-            bus.interface, bus.channel, path_of(cell), beside=bus.beside, door=True, simulated=simulated
+            bus.interface,
+            bus.channel,
+            path_of(cell),
+            beside=bus.beside,
+            accepts_clients=True,
+            simulated=simulated,
         )
         self.line, line = socket.socketpair()
-        self.watchdog, tell = socket.socketpair()
+        self.watchdog, report_line = socket.socketpair()
         none = (None, None)
-        drives, far = cable() if simulated else none
+        drives, far = can_line() if simulated else none
         near, control = socket.socketpair() if simulated else none
         self.control: socket.socket | None = near
         memory = os.memfd_create("axisbus image")
         os.ftruncate(memory, shared_counters.offset(axes, len(cell.io)) + shared_counters.SIZE)
         self.memory = mmap.mmap(memory, 0)
         others = (drives, far, control, lock)
-        own = (line.fileno(), memory, tell.fileno(), os.getpid())
+        own = (line.fileno(), memory, report_line.fileno(), os.getpid())
         end = (self.line.fileno(), inode_of(self.line))
         numbers = [*map(_number, others), lock.mark]
         self._watchdog = _start(StartupArgs(*own, path_of(cell), axes, signals, *end, *numbers))
         self._core: int | None = None  # a descriptor of the core's process
         os.close(memory)
-        for passed in (line, tell, *others):
+        for passed in (line, report_line, *others):
             if passed is not None:
                 passed.close()
 
@@ -126,10 +131,10 @@ class Processes:
 
     def end(self) -> None:
         """Wait for the end of the processes after leaving; kill those that hang. Blocks at most 15 s for each."""
-        _see_end(self._watchdog)
+        _await_end(self._watchdog)
         core, self._core = self._core, None
         if core is not None:  # its watchdog process may have been killed before, and not by this program
-            _see_core_end(core)
+            _await_core_end(core)
             os.close(core)
 
     def abandon(self) -> None:
@@ -154,8 +159,8 @@ def path_of(cell: CellConfig) -> str:
     return str(Path(cell.file).absolute())
 
 
-def _start(duty: StartupArgs) -> subprocess.Popen[bytes]:
-    with _above_standard_streams(duty) as passed:
+def _start(startup_args: StartupArgs) -> subprocess.Popen[bytes]:
+    with _above_standard_streams(startup_args) as passed:
         return subprocess.Popen(
             [sys.executable, "-P", "-m", "axisbus.core", json.dumps(asdict(passed))],
             pass_fds=sorted(passed.all),
@@ -166,40 +171,42 @@ def _start(duty: StartupArgs) -> subprocess.Popen[bytes]:
 
 
 @contextmanager
-def _above_standard_streams(duty: StartupArgs) -> Iterator[StartupArgs]:
-    """Return ``duty`` without the descriptors 0 to 2, which the new process has for its standard streams.
+def _above_standard_streams(startup_args: StartupArgs) -> Iterator[StartupArgs]:
+    """Return ``startup_args`` without the descriptors 0 to 2, which the new process has for its standard streams.
 
     A program whose standard streams are closed gets these numbers for its sockets.
     """
     import fcntl  # only this system has it
 
-    numbers = {name: number for name, number in asdict(duty).items() if name in StartupArgs.DESCRIPTORS}
+    numbers = {
+        name: number for name, number in asdict(startup_args).items() if name in StartupArgs.DESCRIPTORS
+    }
     copies: dict[str, Any] = {
         name: fcntl.fcntl(number, fcntl.F_DUPFD_CLOEXEC, _FIRST_FREE)
         for name, number in numbers.items()
         if 0 <= number < _FIRST_FREE
     }
     try:
-        yield replace(duty, **copies)
+        yield replace(startup_args, **copies)
     finally:
         for copy in copies.values():
             os.close(copy)
 
 
-def _see_end(process: subprocess.Popen[bytes]) -> None:
+def _await_end(process: subprocess.Popen[bytes]) -> None:
     """Wait for the end of the watchdog process; kill it together with its children, which are in its process group."""
     try:
-        process.wait(_END)
+        process.wait(_END_TIMEOUT)
     except subprocess.TimeoutExpired:
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
 
 
-def _see_core_end(core: int) -> None:
+def _await_core_end(core: int) -> None:
     """Wait for the end of a core; kill one that hangs."""
     poll = select.poll()
     poll.register(core, select.POLLIN)
-    if not poll.poll(_END * 1000.0):
+    if not poll.poll(_END_TIMEOUT * 1000.0):
         with suppress(OSError):
             signal.pidfd_send_signal(core, signal.SIGKILL)
 
@@ -213,15 +220,15 @@ def _environment() -> dict[str, str]:
     return {**os.environ, "PYTHONPATH": os.pathsep.join([str(home), *([known] if known else [])])}
 
 
-_ROOM = 1 << 18  # bytes; some thousand frames
+_SEND_BUFFER = 1 << 18  # bytes; some thousand frames
 
 
-def cable() -> tuple[socket.socket, socket.socket]:
+def can_line() -> tuple[socket.socket, socket.socket]:
     """Return the two ends of a new CAN line between two processes of one computer: a socket pair, one frame in each packet.
 
     Its bus is ``bus.link.socketpair_bus``.
     """
     ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     for end in ends:
-        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _ROOM)
+        end.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER)
     return ends

@@ -38,14 +38,14 @@ _ROOT = 0
 _JOINS, _STOPS = b"a", b"s"
 _FULL = b"f"
 _LENGTH = struct.Struct("<H")
-_BOOTING = 10.0  # seconds that a joining program waits for a core, which may be booting its nodes
-_FIRST_WORDS = 5.0  # seconds for a program to send its purpose
-_MOST_NEW = 128  # programs that have not sent it
+_JOIN_TIMEOUT = 10.0  # seconds that a joining program waits for a core, which may be booting its nodes
+_FIRST_MESSAGE_TIME = 5.0  # seconds for a program to send its purpose
+_MAX_PENDING = 128  # programs that have not sent it
 _BATCH = 8  # programs that are accepted at a time
 _PAUSE = 0.002  # seconds after each batch, so that many programs do not delay the scan
-_LONGEST = 60.0  # maximum seconds to wait for the answer to a stop request
-_ROUND = 100  # milliseconds
-_READ = 1 << 12
+_MAX_STOP_TIME = 60.0  # maximum seconds to wait for the answer to a stop request
+_POLL_PERIOD = 100  # milliseconds
+_READ_SIZE = 1 << 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,29 +89,29 @@ class Caller:
     stop: StopRequest | None
 
 
-class _New:
+class _PendingConnection:
     """A program that has not sent its purpose; holds the bytes received so far."""
 
     def __init__(self, line: socket.socket, process: int) -> None:
         self.line = line
         self.process = process
         self.since = time.monotonic()
-        self._said = b""
+        self._received = b""
 
-    def hear(self) -> Caller:
+    def receive(self) -> Caller:
         """Return the caller when its message is complete.
 
         Raises:
             BlockingIOError: it is not complete yet.
             OSError, ValueError: the program is gone, or sends something else.
         """
-        while part := self.line.recv(_READ if self._said else 1):
-            self._said += part
-            if self._said == _JOINS:
+        while part := self.line.recv(_READ_SIZE if self._received else 1):
+            self._received += part
+            if self._received == _JOINS:
                 return self._caller(None)
-            if self._said[:1] != _STOPS:
-                raise ValueError(self._said[:1])
-            said = self._said[1:]
+            if self._received[:1] != _STOPS:
+                raise ValueError(self._received[:1])
+            said = self._received[1:]
             if len(said) >= _LENGTH.size and len(said) >= (
                 end := _LENGTH.size + _LENGTH.unpack_from(said)[0]
             ):
@@ -130,7 +130,7 @@ class ClientListener:
         """``listening``: the socket of the claim, which stays open after ``close``: it shows that the core lives."""
         self._listening = listening
         self._listening.setblocking(False)
-        self._new: dict[int, _New] = {}
+        self._pending: dict[int, _PendingConnection] = {}
         self._early: list[Caller] = []  # programs that join, found by ``first_stop``
         self._poll = select.poll()
         self._poll.register(listening, select.POLLIN)
@@ -141,10 +141,10 @@ class ClientListener:
 
         For a core that is not open yet; ``callers`` yields the other programs when it is.
         """
-        while len(self._new) < _MOST_NEW and self._take_in():
+        while len(self._pending) < _MAX_PENDING and self._accept_connections():
             pass
-        for new in list(self._new.values()):
-            caller = self._hear(new)
+        for pending in list(self._pending.values()):
+            caller = self._receive(pending)
             if caller is not None and caller.stop is not None and caller.stop.quick:
                 return caller
             if caller is not None:
@@ -156,21 +156,21 @@ class ClientListener:
         while self._early:
             yield self._early.pop(0)
         while self._open:
-            ready = {number for number, _ in self._poll.poll(_ROUND)}
-            for number in ready & self._new.keys():
-                caller = self._hear(self._new[number])
+            ready = {number for number, _ in self._poll.poll(_POLL_PERIOD)}
+            for number in ready & self._pending.keys():
+                caller = self._receive(self._pending[number])
                 if caller is not None:
                     yield caller
-            self._send_away_late()
+            self._disconnect_late()
             if self._listening.fileno() in ready:
-                self._take_in()
+                self._accept_connections()
                 time.sleep(_PAUSE)
         self.dismiss()
 
     def dismiss(self) -> None:
         """Disconnect all programs that ``callers`` has not yielded."""
-        for new in list(self._new.values()):
-            self._send_away(new)
+        for pending in list(self._pending.values()):
+            self._disconnect(pending)
         while self._early:
             self._early.pop().line.close()
 
@@ -178,7 +178,7 @@ class ClientListener:
         """Admit no more programs."""
         self._open = False
 
-    def _take_in(self) -> bool:
+    def _accept_connections(self) -> bool:
         """Accept programs; return whether more may be waiting."""
         for _ in range(_BATCH):
             try:
@@ -190,44 +190,44 @@ class ClientListener:
                 line.close()
                 continue
             line.setblocking(False)
-            self._new[line.fileno()] = _New(line, process)
+            self._pending[line.fileno()] = _PendingConnection(line, process)
             self._poll.register(line, select.POLLIN)
-            if len(self._new) > _MOST_NEW:
-                self._send_away(next(iter(self._new.values())))
+            if len(self._pending) > _MAX_PENDING:
+                self._disconnect(next(iter(self._pending.values())))
         return True
 
-    def _hear(self, new: _New) -> Caller | None:
+    def _receive(self, pending: _PendingConnection) -> Caller | None:
         try:
-            caller = new.hear()
+            caller = pending.receive()
         except BlockingIOError:
             return None
         except (OSError, ValueError):
-            self._send_away(new)
+            self._disconnect(pending)
             return None
-        self._forget(new)
+        self._forget(pending)
         return caller
 
-    def _send_away_late(self) -> None:
-        until = time.monotonic() - _FIRST_WORDS
-        for new in [new for new in self._new.values() if new.since < until]:
-            self._send_away(new)
+    def _disconnect_late(self) -> None:
+        until = time.monotonic() - _FIRST_MESSAGE_TIME
+        for pending in [pending for pending in self._pending.values() if pending.since < until]:
+            self._disconnect(pending)
 
-    def _send_away(self, new: _New) -> None:
-        self._forget(new)
-        new.line.close()
+    def _disconnect(self, pending: _PendingConnection) -> None:
+        self._forget(pending)
+        pending.line.close()
 
-    def _forget(self, new: _New) -> None:
-        self._poll.unregister(new.line)
-        del self._new[new.line.fileno()]
+    def _forget(self, pending: _PendingConnection) -> None:
+        self._poll.unregister(pending.line)
+        del self._pending[pending.line.fileno()]
 
 
-def welcome(line: socket.socket, image: int) -> None:
+def send_images(line: socket.socket, image: int) -> None:
     """Pass the images, by their descriptor, read only, to a joining program; raises OSError."""
-    looked_at = os.open(f"/proc/self/fd/{image}", os.O_RDONLY | os.O_CLOEXEC)
+    read_only = os.open(f"/proc/self/fd/{image}", os.O_RDONLY | os.O_CLOEXEC)
     try:
-        socket.send_fds(line, [_JOINS], [looked_at])
+        socket.send_fds(line, [_JOINS], [read_only])
     finally:
-        os.close(looked_at)
+        os.close(read_only)
 
 
 def refuse(line: socket.socket) -> None:
@@ -270,7 +270,7 @@ def machines_of(cell: str) -> list[ChannelClaim]:
     return claims(cell=CellFileId.of(cell)) if sys.platform == "linux" else []
 
 
-def found_of(cell: CellConfig) -> list[ChannelClaim]:
+def claims_of(cell: CellConfig) -> list[ChannelClaim]:
     """Return the claims of a cell's machines, and that of the holder of its CAN channel."""
     found, bus = machines_of(cell.file), cell.bus
     held = None if bus.interface == SIMULATED else holder(bus.interface, bus.channel)
@@ -287,11 +287,11 @@ def is_trusted(claim: ChannelClaim, cell: str) -> bool:
     return False
 
 
-def why_not(claim: ChannelClaim, cell: str) -> str:
+def why_not_joinable(claim: ChannelClaim, cell: str) -> str:
     """Return why a program cannot connect to the holder of a claim, as text; empty if it can."""
     if not is_trusted(claim, cell):
         return f"of user {user_name(claim.user)}, which only programs of that user can join"
-    return "" if claim.door else "in its own process, so that no other program can join"
+    return "" if claim.accepts_clients else "in its own process, so that no other program can join"
 
 
 def connect(cell: str) -> tuple[socket.socket, int] | None:
@@ -303,8 +303,8 @@ def connect(cell: str) -> tuple[socket.socket, int] | None:
         ScanError: it admits no program.
     """
     for claim in machines_of(cell):
-        if claim.door and is_trusted(claim, cell):
-            line = _enter(claim, _JOINS, _BOOTING)
+        if claim.accepts_clients and is_trusted(claim, cell):
+            line = _connect_to(claim, _JOINS, _JOIN_TIMEOUT)
             admitted = None if line is None else _admitted(line, claim, cell)
             if admitted is not None:
                 return admitted
@@ -317,13 +317,13 @@ def ask_to_stop(claim: ChannelClaim, request: StopRequest, patience: float) -> S
     Raises:
         ScanError: it cannot be reached, or does not answer in time.
     """
-    line = _enter(claim, request.pack(), patience)
+    line = _connect_to(claim, request.pack(), patience)
     if line is None:
         raise _unreached(claim, "it is ending")
     with line, line.makefile("rb") as answers:
         try:
             within = float(json.loads(answers.readline()))
-            line.settimeout(min(within, _LONGEST) + patience)
+            line.settimeout(min(within, _MAX_STOP_TIME) + patience)
             results, text = json.loads(answers.readline())
             return StopAnswer(
                 tuple(StopResult(str(axis), ok is True, str(said)) for axis, ok, said in results), text
@@ -339,8 +339,8 @@ def text_of(cell: str) -> str:
     return hashlib.sha256(Path(cell).read_bytes()).hexdigest()
 
 
-def _enter(claim: ChannelClaim, words: bytes, patience: float) -> socket.socket | None:
-    """Connect to the holder of a claim and send ``words``; None if it is gone.
+def _connect_to(claim: ChannelClaim, message: bytes, patience: float) -> socket.socket | None:
+    """Connect to the holder of a claim and send ``message``; None if it is gone.
 
     Raises:
         ScanError: it does not answer within ``patience`` seconds, or its user differs from that of the claim.
@@ -355,7 +355,7 @@ def _enter(claim: ChannelClaim, words: bytes, patience: float) -> socket.socket 
             time.sleep(_PAUSE)
         if peer_of(line)[1] != claim.user:
             raise _unreached(claim, "another user answers")
-        line.sendall(words)
+        line.sendall(message)
     except OSError:
         line.close()
         return None

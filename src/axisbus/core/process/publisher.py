@@ -11,13 +11,13 @@ from contextlib import suppress
 from axisbus.errors import AxisbusError
 from axisbus.ipc.frames import FrameQueue
 from axisbus.ipc.image import ImageWriter
-from axisbus.ipc.messages import CommandEvents, CycleImages, ErrorTold, Frames
+from axisbus.ipc.messages import CommandEvents, CycleImages, ErrorMessage, Frames
 from axisbus.ipc.stream import MessageStream
 from axisbus.motion.snapshot import Snapshot
 from axisbus.session import CommandEvent
 
-_EVERY = 0.1  # seconds between two messages with images: each wakes the recording program
-_MOST = 2000  # queued messages; above this, images are left out and counted
+_IMAGE_PERIOD = 0.1  # seconds between two messages with images: each wakes the recording program
+_MAX_WAITING = 2000  # queued messages; above this, images are left out and counted
 
 
 class ClientOutbox:
@@ -34,7 +34,7 @@ class ClientOutbox:
         self._events: deque[CommandEvent] = deque()
         self._images: list[tuple[float, bytes]] = []
         self.lost = 0  # wanted images that were left out
-        self._told_lost = 0
+        self._reported_lost = 0
 
     def add(self, event: CommandEvent) -> None:
         """Queue an event for ``flush``."""
@@ -51,32 +51,32 @@ class ClientOutbox:
 
     def flush_frames(self) -> None:
         """Send the queued frames, if the client reads its messages."""
-        if self.stream.waiting <= _MOST:
+        if self.stream.waiting <= _MAX_WAITING:
             packed, lost = self.frames.take()
             if packed or lost:
                 self.stream.send(Frames(packed, lost))
 
-    def after_cycle(self, now: float, outlet: Publisher) -> None:
+    def after_cycle(self, now: float, publisher: Publisher) -> None:
         """Send the data that waited for the present image; does not block."""
         if self._events:
             self.flush()
         if self.observed:
-            self._keep(now, outlet)
+            self._queue_image(now, publisher)
         elif self._images:
             self._send_images()
 
-    def _keep(self, now: float, outlet: Publisher) -> None:
-        if self.stream.waiting > _MOST:
+    def _queue_image(self, now: float, publisher: Publisher) -> None:
+        if self.stream.waiting > _MAX_WAITING:
             self.lost += 1
             return
-        self._images.append((now, outlet.newest))
-        if now - self._images[0][0] >= _EVERY:
+        self._images.append((now, publisher.newest))
+        if now - self._images[0][0] >= _IMAGE_PERIOD:
             self._send_images()
 
     def _send_images(self) -> None:
         lost = self.lost
-        self.stream.send(CycleImages(tuple(self._images), lost - self._told_lost))
-        self._images, self._told_lost = [], lost
+        self.stream.send(CycleImages(tuple(self._images), lost - self._reported_lost))
+        self._images, self._reported_lost = [], lost
 
 
 class Publisher:
@@ -85,10 +85,10 @@ class Publisher:
     def __init__(self, memory: mmap.mmap, names: Sequence[str]) -> None:
         """``names``: all axes of the cell."""
         self._image = ImageWriter(memory, names)
-        self._readers: tuple[ClientOutbox, ...] = ()
+        self._outboxes: tuple[ClientOutbox, ...] = ()
         self._scan: int | None = None
         self._numbers: dict[str, int] = {}
-        self._told: dict[str, tuple[AxisbusError, str]] = {}
+        self._reported: dict[str, tuple[AxisbusError, str]] = {}
         self._last = 0
 
     @property
@@ -103,47 +103,47 @@ class Publisher:
 
     def admit(self, stream: MessageStream) -> ClientOutbox:
         """Add a client, and send it the errors with a number in the present image."""
-        reader = ClientOutbox(stream)
-        self._readers = (*self._readers, reader)
+        outbox = ClientOutbox(stream)
+        self._outboxes = (*self._outboxes, outbox)
         for name, number in list(self._numbers.items()):
-            told = self._told.get(name)
-            if told is not None:  # the scan continues meanwhile
-                stream.send(ErrorTold(name, number, told[0]))
-        return reader
+            reported = self._reported.get(name)
+            if reported is not None:  # the scan continues meanwhile
+                stream.send(ErrorMessage(name, number, reported[0]))
+        return outbox
 
-    def dismiss(self, reader: ClientOutbox) -> None:
+    def dismiss(self, outbox: ClientOutbox) -> None:
         """Send nothing more to a client."""
-        self._readers = tuple(one for one in self._readers if one is not reader)
+        self._outboxes = tuple(one for one in self._outboxes if one is not outbox)
 
-    def hear(self, reader: ClientOutbox, event: CommandEvent) -> None:
+    def send_event(self, outbox: ClientOutbox, event: CommandEvent) -> None:
         """Send a command event to this client; in the scan's thread it waits for the end of the cycle."""
-        reader.add(event)
+        outbox.add(event)
         if threading.get_ident() != self._scan:
-            reader.flush()
+            outbox.flush()
 
     def flush(self) -> None:
         """Send all queued events: there will be no further cycle."""
-        for reader in self._readers:
-            reader.flush()
+        for outbox in self._outboxes:
+            outbox.flush()
 
     def after_cycle(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         """Publish the image of this cycle, and the events that waited for it; does not block."""
         self._scan = threading.get_ident()
         for name, snapshot in snapshots.items():
             if snapshot.error is not None:
-                self._tell(name, snapshot.error)
+                self._send_error(name, snapshot.error)
             elif name in self._numbers:
-                del self._told[name], self._numbers[name]
+                del self._reported[name], self._numbers[name]
         self._image.write(now, snapshots, self._numbers)
-        for reader in self._readers:
-            reader.after_cycle(now, self)
+        for outbox in self._outboxes:
+            outbox.after_cycle(now, self)
 
-    def _tell(self, name: str, error: AxisbusError) -> None:
+    def _send_error(self, name: str, error: AxisbusError) -> None:
         """Send an error once, and again if something was added to it."""
-        told, text = self._told.get(name, (None, ""))
-        if told is error and text == str(error):
+        reported, text = self._reported.get(name, (None, ""))
+        if reported is error and text == str(error):
             return
         self._last += 1
-        self._numbers[name], self._told[name] = self._last, (error, str(error))
-        for reader in self._readers:
-            reader.stream.send(ErrorTold(name, self._last, error))
+        self._numbers[name], self._reported[name] = self._last, (error, str(error))
+        for outbox in self._outboxes:
+            outbox.stream.send(ErrorMessage(name, self._last, error))

@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
-from axisbus.bus.cycle import sending_again
+from axisbus.bus.cycle import repeating_frames
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.node import CanopenNode
 from axisbus.bus.port import CanPort
@@ -24,7 +24,7 @@ from axisbus.core.core import Core
 from axisbus.core.files import read_once
 from axisbus.core.io import make_safe
 from axisbus.core.other_protocols import parts_of, stop_drives
-from axisbus.core.process.bus_factory import reach
+from axisbus.core.process.bus_factory import open_bus
 from axisbus.core.process.startup_args import StartupArgs
 from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
@@ -37,34 +37,34 @@ from axisbus.link import StopResult, Unsafe
 from axisbus.motion.axis.core import AxisCore
 from axisbus.motion.snapshot import Snapshot
 
-TRIES_FOR = 1.0  # seconds: a driver may take a moment to notice that its last user is dead
+OPEN_RETRY_TIME = 1.0  # seconds: a driver may take a moment to notice that its last user is dead
 _PAUSE = 0.05
-_HUNG = 0.5  # seconds without a cycle, at least, after which a core that should run counts as hung
-_UNCOMMANDED = 10.0  # the same while no axis was commanded and no output set: there is nothing to stop, and a computer may pause
-_REOPENING = 10.0  # seconds for a core whose adapter has failed to open it again and to stop its drives; a driver may block
-_CYCLING = (CoreStage.RUNNING, CoreStage.LEAVING)  # a core runs cycles
-_RELEASING = 20.0  # seconds for a core that has stopped its axes to end its scan, and to leave its nodes
-_ENDING = 10.0  # seconds for a core that has left its nodes to report it, and to end
-_FAREWELL = 2.0  # seconds for the report to the program
+_HUNG_TIME = 0.5  # seconds without a cycle, at least, after which a core that should run counts as hung
+_UNCOMMANDED_TIME = 10.0  # the same while no axis was commanded and no output set: nothing is to be stopped, a computer may pause
+_REOPEN_TIME = 10.0  # seconds for a core whose adapter has failed to open it again and to stop its drives; a driver may block
+_CYCLIC_STAGES = (CoreStage.RUNNING, CoreStage.LEAVING)  # a core runs cycles
+_RELEASE_TIME = 20.0  # seconds for a core that has stopped its axes to end its scan, and to leave its nodes
+_END_TIME = 10.0  # seconds for a core that has left its nodes to report it, and to end
+_CLOSE_TIME = 2.0  # seconds for the report to the program
 
 
 class CrashStop:
     """The data of a watchdog process for a rescue, read while the core boots; holds the memory with the core's stage."""
 
-    def __init__(self, duty: StartupArgs) -> None:
-        self._duty = duty
-        self._memory = mmap.mmap(duty.memory, 0)
-        self._at = image.size_of(duty.axes)
-        self._cell, self._dictionaries = read_once(duty.cell)
+    def __init__(self, startup_args: StartupArgs) -> None:
+        self._startup_args = startup_args
+        self._memory = mmap.mmap(startup_args.memory, 0)
+        self._offset = image.size_of(startup_args.axes)
+        self._cell, self._dictionaries = read_once(startup_args.cell)
         parts_of(self._cell)  # imports the plug-ins of other protocols: a rescue must not wait for that
         bus = self._cell.bus
-        hung = max(_HUNG, 25 * bus.scan_period, _HUNG + (bus.sync_timeout or 0.0))
+        hung = max(_HUNG_TIME, 25 * bus.scan_period, _HUNG_TIME + (bus.sync_timeout or 0.0))
         self._patience = {
             CoreStage.RUNNING: hung,
             CoreStage.LEAVING: hung,
-            CoreStage.LOST: _REOPENING,
-            CoreStage.RELEASING: _RELEASING,
-            CoreStage.LEFT: _ENDING,
+            CoreStage.LOST: _REOPEN_TIME,
+            CoreStage.RELEASING: _RELEASE_TIME,
+            CoreStage.LEFT: _END_TIME,
         }
 
     @property
@@ -75,7 +75,7 @@ class CrashStop:
     @property
     def stage(self) -> CoreStage:
         """The stage of the core."""
-        return rescue_memory.stage_of(self._memory, self._at)
+        return rescue_memory.stage_of(self._memory, self._offset)
 
     def patience(self, stage: CoreStage) -> float:
         """Return for how many seconds a core may run no cycle in a stage."""
@@ -85,11 +85,11 @@ class CrashStop:
         """Whether a core that has run no cycle for ``idle`` seconds in a stage shall be killed."""
         if idle <= self.patience(stage):
             return False
-        return stage not in _CYCLING or idle > _UNCOMMANDED or self._has_commanded
+        return stage not in _CYCLIC_STAGES or idle > _UNCOMMANDED_TIME or self._has_commanded
 
     @property
     def _has_commanded(self) -> bool:
-        return bool(rescue_memory.found(self._memory, self._at).axes or self._outputs())
+        return bool(rescue_memory.found(self._memory, self._offset).axes or self._outputs())
 
     @property
     def is_needed(self) -> bool:
@@ -98,7 +98,7 @@ class CrashStop:
 
     def rescue(self, why: str) -> Rescued:
         """Stop the drives, make outputs safe, report to the program, and return the report; blocks. ``why``: how the core ended."""
-        found = rescue_memory.found(self._memory, self._at)
+        found = rescue_memory.found(self._memory, self._offset)
         names = [list(self._cell.axes)[axis] for axis in found.axes]
         rescued = self._stop(why, names, found.frames)
         self._report(rescued)
@@ -109,9 +109,11 @@ class CrashStop:
         self._report(Rescued(why, (), left=self.stage is CoreStage.LEFT))
 
     def _report(self, rescued: Rescued) -> None:
-        stream = MessageStream(socket.socket(fileno=self._duty.tell), CODEC.pack, "axisbus watchdog")
+        stream = MessageStream(
+            socket.socket(fileno=self._startup_args.report_line), CODEC.pack, "axisbus watchdog"
+        )
         stream.send(rescued)
-        stream.close(_FAREWELL)
+        stream.close(_CLOSE_TIME)
         stream.finish()
 
     def _stop(self, why: str, names: Sequence[str], frames: Sequence[tuple[int, bytes]]) -> Rescued:
@@ -119,21 +121,21 @@ class CrashStop:
         if not names and not outputs:
             return Rescued(why, ())
         stopped, unsafe = stop(self._cell, self._dictionaries, self._open, names, frames, outputs)
-        doubtful = {each.output for each in unsafe}
-        safe = tuple(point.name for point in outputs if point.name not in doubtful)
+        unconfirmed = {each.output for each in unsafe}
+        safe = tuple(point.name for point in outputs if point.name not in unconfirmed)
         return Rescued(why, tuple(stopped), tuple(unsafe), safe)
 
     def _outputs(self) -> list[IoPoint]:
         """Return the outputs that had been set."""
-        readings = IoImage(self._memory, self._duty.axes, tuple(self._cell.io)).read()
+        readings = IoImage(self._memory, self._startup_args.axes, tuple(self._cell.io)).read()
         points = all_points(self._cell, self._dictionaries)
         return [
             point for point in points.values() if (seen := readings.get(point.name)) is not None and seen.set
         ]
 
     def _open(self) -> Channel:
-        drives = self._duty.drives
-        return reach(self._cell, socket.socket(fileno=drives) if drives >= 0 else None)
+        drives = self._startup_args.drives
+        return open_bus(self._cell, socket.socket(fileno=drives) if drives >= 0 else None)
 
 
 def stop(
@@ -156,7 +158,7 @@ def stop(
         return [StopResult(name, False, text) for name in names], [
             _out_of_reach(point, error) for point in outputs
         ]
-    with channel, sending_again(channel, [*frames, *_sync(cell)] if frames else []):
+    with channel, repeating_frames(channel, [*frames, *_sync(cell)] if frames else []):
         return _stop_by_sdo(channel, cell, dictionaries, names, outputs)
 
 
@@ -165,7 +167,7 @@ def _out_of_reach(point: IoPoint, error: AxisbusError) -> Unsafe:
 
 
 def _opened(open_channel: Callable[[], Channel]) -> Channel:
-    until = time.monotonic() + TRIES_FOR
+    until = time.monotonic() + OPEN_RETRY_TIME
     while True:
         try:
             return open_channel()
@@ -200,17 +202,17 @@ def _stop_by_sdo(
 # Maintain the lifeline of a core: the data for a rescue, stored after each cycle, and the check that its watchdog process runs.
 #
 # Theory of operation
-# The watchdog process sends a byte every ``BEAT`` seconds. A missing byte may mean that the process was stopped (SIGSTOP, a
+# The watchdog process sends a byte every ``BEAT_PERIOD`` seconds. A missing byte may mean that the process was stopped (SIGSTOP, a
 # debugger) or hangs; then nothing would stop the axes in place of the core. Or the computer is too busy to run it. Therefore only
 # time counts in which the core itself checked on time, and a watchdog process that waits for a processor or a disk gets more
 # time.
 
 
-BEAT = 0.1  # seconds
-NOBODY = "if the core fails, nothing stops the axes"
-_SILENCE = 0.6  # seconds without a byte
-_STARVED = 5.0  # the same for a watchdog process that waits
-_ON_TIME = 3 * BEAT  # seconds between two checks; more shows that this computer did not run
+BEAT_PERIOD = 0.1  # seconds
+NO_WATCHDOG = "if the core fails, nothing stops the axes"
+_MAX_SILENCE = 0.6  # seconds without a byte
+_MAX_STARVATION = 5.0  # the same for a watchdog process that waits
+_ON_TIME = 3 * BEAT_PERIOD  # seconds between two checks; more shows that this computer did not run
 _WAITING = ("R", "D")  # states of a process that waits for a processor or for a disk (proc(5))
 _SEEN = 2  # checks without waiting: at the first one its byte may be on its way
 
@@ -225,23 +227,23 @@ class WatchdogProcessMonitor:
         self._silent = 0.0
         self._seen = 0
 
-    def look(self, now: float, came: bool) -> str | None:
-        """Return why axes must be stopped now, None while the process runs; ``came``: a byte, since the last check."""
+    def poll(self, now: float, received: bool) -> str | None:
+        """Return why axes must be stopped now, None while the process runs; ``received``: a byte, since the last check."""
         passed, self._before = now - self._before, now
-        if came:
+        if received:
             self._silent, self._seen = 0.0, 0
             return None
         self._silent += passed if passed < _ON_TIME else 0.0
-        if self._silent <= _SILENCE:
+        if self._silent <= _MAX_SILENCE:
             return None
         waits = self._state() in _WAITING
         self._seen = 0 if waits else self._seen + 1
         if self._seen >= _SEEN:
-            return f"the watchdog process of the core has not answered for {self._silent:.1f} s: {NOBODY}"
-        if waits and self._silent > _STARVED:
             return (
-                f"the watchdog process of the core got no processor time for {self._silent:.1f} s: {NOBODY}"
+                f"the watchdog process of the core has not answered for {self._silent:.1f} s: {NO_WATCHDOG}"
             )
+        if waits and self._silent > _MAX_STARVATION:
+            return f"the watchdog process of the core got no processor time for {self._silent:.1f} s: {NO_WATCHDOG}"
         return None
 
 
@@ -265,9 +267,9 @@ class Lifeline:
     stop it are always the same, and a rescue makes them.
     """
 
-    def __init__(self, memory: mmap.mmap, at: int, core: Core, names: Sequence[str]) -> None:
+    def __init__(self, memory: mmap.mmap, offset: int, core: Core, names: Sequence[str]) -> None:
         """``names``: all axes of the cell, in the order of their numbers."""
-        self._writer = LifelineWriter(memory, at)
+        self._writer = LifelineWriter(memory, offset)
         self._core = core
         self._numbers = {name: number for number, name in enumerate(names)}
         self._known: dict[str, tuple[int, AxisCore, CanPort | None]] = {}
@@ -301,10 +303,10 @@ class Lifeline:
             self._writer.enter([RescueRpdo(number)])
             self._known[name] = number, self._core.scan.axes[name], None
             return
-        words, offsets = dict(port.controlwords), dict(port.cleared_bits)
-        held = [
-            RescueRpdo(number, cob_id, words.get(cob_id, NO_WORD), offsets.get(cob_id, 0))
-            for cob_id in offsets | words
+        controlword_shifts, offsets = dict(port.controlwords), dict(port.cleared_bits)
+        rpdos = [
+            RescueRpdo(number, cob_id, controlword_shifts.get(cob_id, NO_WORD), offsets.get(cob_id, 0))
+            for cob_id in offsets | controlword_shifts
         ]
-        self._writer.enter(held or [RescueRpdo(number)])
+        self._writer.enter(rpdos or [RescueRpdo(number)])
         self._known[name] = number, self._core.scan.axes[name], port

@@ -17,12 +17,12 @@ from axisbus.errors import ScanError, one_line
 from axisbus.interrupt_guard import sheltered
 from axisbus.ipc import messages as m
 from axisbus.ipc.stream import MessageStream
-from axisbus.ipc.values import NotForCrossing
+from axisbus.ipc.values import NotSendable
 from axisbus.link import alarm
 from axisbus.motion.stop.diagnosis import join_remedies
 
 log = logging.getLogger("axisbus")
-_MOMENT = 0.01  # seconds
+_POLL_PERIOD = 0.01  # seconds
 _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 
 _MAKE_SURE = "make sure that every axis is at standstill, then open the machine again"
@@ -31,10 +31,10 @@ Take = Callable[[Any], None]
 
 
 class _PendingRequest:
-    """A request without an answer yet; the reading thread adds its progress and its reply, and sets ``news``."""
+    """A request without an answer yet; the reading thread adds its progress and its reply, and sets ``changed``."""
 
     def __init__(self) -> None:
-        self.news = threading.Event()
+        self.changed = threading.Event()
         self.progress = deque[Any]()
         self.reply: m.CoreReply | None = None
 
@@ -42,27 +42,28 @@ class _PendingRequest:
 class RpcClient:
     """Holds the connection, the pending requests, and the function for each kind of message.
 
-    The functions in ``soon`` run in the reading thread at once, and must not block; those in ``later`` run in another thread, one
-    after the other, which also runs the program's own callbacks. ``gone`` is called once when the connection has ended.
+    The functions in ``immediate`` run in the reading thread at once, and must not block; those in ``deferred`` run in another
+    thread, one after the other, which also runs the program's own callbacks. ``on_end`` is called once when the connection has
+    ended.
     """
 
     def __init__(
         self,
         stream: MessageStream,
-        soon: Mapping[type, Take],
-        later: Mapping[type, Take],
-        gone: Callable[[], None],
+        immediate: Mapping[type, Take],
+        deferred: Mapping[type, Take],
+        on_end: Callable[[], None],
     ) -> None:
         self._stream = stream
-        self._soon: dict[type, Take] = {
-            m.CoreReply: self._answered,
-            m.CoreProgress: self._progressed,
+        self._immediate: dict[type, Take] = {
+            m.CoreReply: self._take_reply,
+            m.CoreProgress: self._take_progress,
             m.Logged: _log,
-            **soon,
+            **immediate,
         }
-        self._later = dict(later)
-        self._gone = gone
-        self._told: UnboundedQueue[object] = UnboundedQueue(REAL)
+        self._deferred = dict(deferred)
+        self._on_end = on_end
+        self._deferred_messages: UnboundedQueue[object] = UnboundedQueue(REAL)
         self._numbers = itertools.count(1)
         self._waiting: dict[int, _PendingRequest] = {}
         self.last: dict[tuple[int, str], Any] = {}  # answers of a core that has left
@@ -75,7 +76,7 @@ class RpcClient:
 
     def start(self) -> None:
         """Begin to read."""
-        self._stream.look()
+        self._stream.watch_for_loss()
         threading.Thread(target=self._read, name="axisbus core's messages", daemon=True).start()
         self.events.start()
 
@@ -115,8 +116,8 @@ class RpcClient:
             self.send(m.CODEC.pack(m.CoreQuery(number, what, node, arguments)))
             ended = False
             while not ended:
-                _wait_a_moment(request.news)
-                request.news.clear()
+                _await_change(request.changed)
+                request.changed.clear()
                 ended = (
                     request.reply is not None or self._over
                 )  # looked at first: all progress came before it
@@ -126,27 +127,27 @@ class RpcClient:
             del self._waiting[number]
         reply = request.reply
         if reply is None:
-            raise self.gone(f"{what} was asked")
+            raise self.ended_error(f"{what} was asked")
         if reply.error is not None:
             raise reply.error
         return reply.value
 
-    def gone(self, what: str) -> ScanError:
+    def ended_error(self, what: str) -> ScanError:
         """Return the error of an action that the end of the connection makes impossible."""
         if self.has_left:
             return ScanError(f"{what}: the machine was closed", remedy="open it again to continue")
-        return _lost(what) if self._stream.lost else gone(what, self.rescued)
+        return _lost_error(what) if self._stream.lost else ended_error(what, self.rescued)
 
     def close(self, wait: float = 0.0) -> None:
         """End the connection, at most ``wait`` seconds later, after the queue has been sent."""
         self._stream.close(wait)
 
-    def part(self, wait: float) -> None:
+    def close_gracefully(self, wait: float) -> None:
         """Request nothing more, and let the far end close first; close the connection after at most ``wait`` seconds. Blocks."""
-        self._stream.say_no_more()
+        self._stream.end_sending()
         until = time.monotonic() + wait
         while not self._over and time.monotonic() < until:
-            time.sleep(_MOMENT)
+            time.sleep(_POLL_PERIOD)
         self._stream.close()
 
     def disown(self) -> None:
@@ -158,58 +159,58 @@ class RpcClient:
         try:
             for data in self._stream.messages():
                 self._take(m.CODEC.unpack(data))
-        except NotForCrossing as error:
+        except NotSendable as error:
             log.error("the connection to the core was closed: %s", error)
         finally:
             self._over = True
-            self._told.put(None)
+            self._deferred_messages.put(None)
             for request in list(self._waiting.values()):
-                request.news.set()
+                request.changed.set()
             self._stream.finish()
 
     def _take(self, message: object) -> None:
-        soon = self._soon.get(type(message))
-        if soon is not None:
-            soon(message)
-        if type(message) in self._later:
-            self._told.put(message)
+        immediate = self._immediate.get(type(message))
+        if immediate is not None:
+            immediate(message)
+        if type(message) in self._deferred:
+            self._deferred_messages.put(message)
 
     def _dispatch(self) -> None:
         while (
-            (message := self._told.take(time.monotonic() + _SLICE)) is not None
+            (message := self._deferred_messages.take(time.monotonic() + _SLICE)) is not None
             or not self._over
-            or len(self._told)
+            or len(self._deferred_messages)
         ):
             if message is not None:
-                self._do(self._later[type(message)], message)
-        self._gone()
+                self._call(self._deferred[type(message)], message)
+        self._on_end()
 
-    def _do(self, take: Take, message: object) -> None:
+    def _call(self, take: Take, message: object) -> None:
         try:
             take(message)
         # raised by the program's own callback, perhaps by sys.exit(): later messages must still be delivered
         except BaseException as error:
             log.error("while a callback of the program ran: %s", one_line(error), exc_info=error)
 
-    def _answered(self, answer: m.CoreReply) -> None:
+    def _take_reply(self, answer: m.CoreReply) -> None:
         request = self._waiting.get(answer.number)
         if request is not None:
             request.reply = answer
-            request.news.set()
+            request.changed.set()
 
-    def _progressed(self, told: m.CoreProgress) -> None:
-        request = self._waiting.get(told.number)
+    def _take_progress(self, message: m.CoreProgress) -> None:
+        request = self._waiting.get(message.number)
         if request is not None:
-            request.progress.append(told.value)
-            request.news.set()
+            request.progress.append(message.value)
+            request.changed.set()
 
 
 @sheltered  # the answering thread uses its lock too
-def _wait_a_moment(news: threading.Event) -> None:
-    news.wait(_SLICE)
+def _await_change(changed: threading.Event) -> None:
+    changed.wait(_SLICE)
 
 
-def _lost(what: str) -> ScanError:
+def _lost_error(what: str) -> ScanError:
     """Return the error of an action after this program has closed its own connection to the core."""
     return ScanError(
         f"{what}, and this program no longer has a connection to its core: the core stops the axes",
@@ -219,7 +220,7 @@ def _lost(what: str) -> ScanError:
     )
 
 
-def gone(what: str, rescued: m.Rescued | None = None) -> ScanError:
+def ended_error(what: str, rescued: m.Rescued | None = None) -> ScanError:
     """Return the error of an action that is impossible now; ``rescued``: the report of the watchdog process."""
     if rescued is None:
         return ScanError(

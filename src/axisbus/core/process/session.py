@@ -17,8 +17,8 @@ from axisbus.cia301.sdo_counts import SdoCount
 from axisbus.cia402.port import Waiter
 from axisbus.core.command_queue import is_stop
 from axisbus.core.inprocess import PARTS
-from axisbus.core.lateness import hanging
-from axisbus.core.process.rpc_client import RpcClient, gone
+from axisbus.core.lateness import hang_text
+from axisbus.core.process.rpc_client import RpcClient, ended_error
 from axisbus.core.process.shared_counters import SharedCounters
 from axisbus.core.process.trajectory_feeder import Trajectories
 from axisbus.core.waiting import ThreadWaiter, inherited
@@ -38,19 +38,19 @@ from axisbus.session import (
     ClientProgram,
     CommandEvent,
     CommandSeen,
-    HearFrames,
     LatenessReport,
     Observer,
+    OnFrames,
     Target,
 )
 
 log = logging.getLogger("axisbus")
 _ERRORS = 64  # of each axis, which are stored
 _PATIENCE = 0.5  # seconds within which an error must follow its number
-_GONE = "the core of this machine has ended"
+_CORE_ENDED = "the core of this machine has ended"
 
 
-def _too_fast(what: str) -> StateError:
+def _rate_error(what: str) -> StateError:
     return StateError(
         f"{what}: this program gives commands too fast",
         observed=f"a program that has joined may give {COMMAND_BURST:g} commands at once, and {COMMAND_RATE:g} per second; "
@@ -67,13 +67,13 @@ class Errors:
         self._numbers: dict[str, deque[int]] = {}  # of each axis, oldest first
         self._arrived = threading.Condition()
 
-    def take(self, told: m.ErrorTold) -> None:
+    def take(self, message: m.ErrorMessage) -> None:
         """Store an error, and wake the waiting threads."""
         with self._arrived:
-            numbers = self._numbers.setdefault(told.axis, deque())
-            if told.number not in self._found:
-                numbers.append(told.number)
-            self._found[told.number] = told.error
+            numbers = self._numbers.setdefault(message.axis, deque())
+            if message.number not in self._found:
+                numbers.append(message.number)
+            self._found[message.number] = message.error
             if len(numbers) > _ERRORS:
                 self._found.pop(numbers.popleft(), None)
             self._arrived.notify_all()
@@ -86,7 +86,11 @@ class Errors:
             with self._arrived:
                 self._arrived.wait_for(lambda: number in self._found, _PATIENCE)
             found = self._found.get(number)
-        return found if found is not None else gone("the reason for the ErrorStop of this axis was requested")
+        return (
+            found
+            if found is not None
+            else ended_error("the reason for the ErrorStop of this axis was requested")
+        )
 
     def disown(self) -> None:
         """Make this object usable in a forked child, where the thread that held the lock does not run."""
@@ -98,10 +102,10 @@ class RemoteSession:
 
     def __init__(
         self,
-        calls: RpcClient,
+        rpc: RpcClient,
         image: ImageReader,
         io: IoImage,
-        tally: SharedCounters,
+        counters: SharedCounters,
         errors: Errors,
         axes: Mapping[str, AxisFacts],
         period: float,
@@ -109,25 +113,25 @@ class RemoteSession:
         joined: bool = False,
     ) -> None:
         """``axes``: the present axes; ``period``: of the scan, in seconds; ``joined``: to the machine of another program."""
-        self._calls = calls
+        self._rpc = rpc
         self._image = image
         self._io = io
-        self._tally = tally
+        self._counters = counters
         self._errors = errors
         self._axes = dict(axes)
         self._period = period
         self._waiter = ThreadWaiter()
-        self._waiter.callback_thread = calls.events
-        self.trajectories = Trajectories(calls.send, period)
+        self._waiter.callback_thread = rpc.events
+        self.trajectories = Trajectories(rpc.send, period)
         self._condition = m.CoreCondition()
         self._listeners: tuple[Callable[[CommandEvent], None], ...] = ()
         self._observers: tuple[Observer, ...] = ()
-        self._taps: dict[HearFrames, frozenset[int]] = {}
+        self._taps: dict[OnFrames, frozenset[int]] = {}
         self._busy: dict[int, str] = {}
-        self._asked: tuple[float, str] | None = None  # the stop requested by this program
+        self._stop_request: tuple[float, str] | None = None  # the stop requested by this program
         self._inherited = False
         self._rate = Bucket(COMMAND_RATE, COMMAND_BURST) if joined else None
-        self._rating = threading.RLock()  # re-entrant: a signal handler may give a command in here
+        self._rate_lock = threading.RLock()  # re-entrant: a signal handler may give a command in here
 
     # -- state of the core ---------------------------------------------------------------------------------------------
 
@@ -151,9 +155,9 @@ class RemoteSession:
         """As ``AxisSession.dead``."""
         if self._inherited:
             return "this process was forked from the one that has the machine: nothing is received here"
-        if self._condition.dead is None and self._calls.over and not self._condition.ended:
-            rescued = self._calls.rescued
-            return _GONE if rescued is None else f"{_GONE}: {rescued.why}"
+        if self._condition.dead is None and self._rpc.over and not self._condition.ended:
+            rescued = self._rpc.rescued
+            return _CORE_ENDED if rescued is None else f"{_CORE_ENDED}: {rescued.why}"
         return self._condition.dead
 
     @property
@@ -163,17 +167,17 @@ class RemoteSession:
             return self.dead
         if self._condition.ended:
             return "the machine is closed: nothing more is received"
-        return hanging(time.monotonic() - self._image.read().time, self._period)
+        return hang_text(time.monotonic() - self._image.read().time, self._period)
 
     @property
     def ended(self) -> bool:
         """As ``AxisSession.ended``."""
-        return self._condition.ended or self._calls.over
+        return self._condition.ended or self._rpc.over
 
     @property
     def failed(self) -> bool:
         """As ``AxisSession.failed``."""
-        return self._condition.failed or (self._calls.over and not self._condition.ended)
+        return self._condition.failed or (self._rpc.over and not self._condition.ended)
 
     @property
     def leaving_because(self) -> str | None:
@@ -184,7 +188,7 @@ class RemoteSession:
     @property
     def left(self) -> tuple[float, str] | None:
         """As ``MachineSession.left``."""
-        return self._condition.left or self._asked
+        return self._condition.left or self._stop_request
 
     @property
     def waiter(self) -> Waiter:
@@ -194,59 +198,59 @@ class RemoteSession:
     @property
     def lateness(self) -> LatenessReport:
         """As ``AxisSession.lateness``."""
-        return self._tally.lateness
+        return self._counters.lateness
 
     @property
     def carried(self) -> BusTraffic | None:
         """As ``MachineSession.carried``, up to the last cycle."""
-        return self._tally.carried
+        return self._counters.carried
 
     # -- requests ------------------------------------------------------------------------------------------------------
 
     @property
     def node_events(self) -> list[NodeEvent]:
         """As ``MachineSession.node_events``; blocks for an answer of the core."""
-        return list(self._calls.ask("node_events"))
+        return list(self._rpc.ask("node_events"))
 
     @property
     def bus_events(self) -> list[ControllerEvent]:
         """As ``MachineSession.bus_events``; blocks for an answer of the core."""
-        return list(self._calls.ask("bus_events"))
+        return list(self._rpc.ask("bus_events"))
 
     @property
     def commands(self) -> list[CommandSeen]:
         """As ``MachineSession.commands``; blocks for an answer of the core."""
-        return list(self._calls.ask("commands"))
+        return list(self._rpc.ask("commands"))
 
     @property
     def drops(self) -> tuple[Drop, ...]:
         """As ``MachineSession.drops``; blocks for an answer of the core."""
-        return tuple(self._calls.ask("drops"))
+        return tuple(self._rpc.ask("drops"))
 
     @property
     def sdo_counts(self) -> tuple[SdoCount, ...]:
         """As ``MachineSession.sdo_counts``; blocks for an answer of the core."""
-        return tuple(self._calls.ask("sdo_counts"))
+        return tuple(self._rpc.ask("sdo_counts"))
 
     @property
     def bus_time(self) -> datetime | None:
         """As ``MachineSession.bus_time``; blocks for an answer of the core."""
-        found: datetime | None = self._calls.ask("bus_time")
+        found: datetime | None = self._rpc.ask("bus_time")
         return found
 
     @property
     def programs(self) -> tuple[ClientProgram, ...]:
         """As ``MachineSession.programs``; blocks for an answer of the core."""
-        return tuple(self._calls.ask("programs"))
+        return tuple(self._rpc.ask("programs"))
 
     @property
-    def has_command(self) -> bool:
-        """As ``MachineSession.has_command``; blocks for an answer of the core."""
-        return bool(self._calls.ask("has_command"))
+    def has_control(self) -> bool:
+        """As ``MachineSession.has_control``; blocks for an answer of the core."""
+        return bool(self._rpc.ask("has_control"))
 
-    def take_command(self) -> None:
-        """As ``MachineSession.take_command``."""
-        self._calls.ask("take_command")
+    def take_control(self) -> None:
+        """As ``MachineSession.take_control``."""
+        self._rpc.ask("take_control")
 
     # -- commands ------------------------------------------------------------------------------------------------------
 
@@ -256,12 +260,12 @@ class RemoteSession:
             raise inherited(name)
         if not is_stop(command) and not isinstance(command, PARTS) and self._is_too_fast():
             self._busy[number] = name
-            self.tell(m.CommandEvents((CommandEvent(number, Status.ERROR, _too_fast(name), ""),)))
+            self.deliver(m.CommandEvents((CommandEvent(number, Status.ERROR, _rate_error(name), ""),)))
             return number
         message = m.CODEC.pack(self.trajectories.submit(number, target, command, name))
         self._busy[number] = name
-        self._calls.send(message)
-        if self._calls.over:
+        self._rpc.send(message)
+        if self._rpc.over:
             self.end_all()
         return number
 
@@ -269,68 +273,68 @@ class RemoteSession:
         """Count a command; return whether the core would delay it. Then a later stop would have to wait behind it."""
         if self._rate is None:
             return False
-        with self._rating:
+        with self._rate_lock:
             return not self._rate.take(time.monotonic())
 
-    def listen(self, hear: Callable[[CommandEvent], None]) -> None:
+    def listen(self, callback: Callable[[CommandEvent], None]) -> None:
         """As ``AxisSession.listen``; in the thread that delivers events."""
-        self._listeners = (*self._listeners, hear)
+        self._listeners = (*self._listeners, callback)
 
     def add_group(self, key: Target, members: Sequence[str]) -> None:
         """As ``AxisSession.add_group``."""
-        self._calls.send(m.AddGroup(key, tuple(members)))
+        self._rpc.send(m.AddGroup(key, tuple(members)))
 
     def request_stop(self, reason: str, quick: bool = False) -> None:
         """As ``AxisSession.request_stop``."""
-        self._asked = self._asked or (time.monotonic(), reason)
-        self._calls.send(m.RequestStop(reason, quick))
+        self._stop_request = self._stop_request or (time.monotonic(), reason)
+        self._rpc.send(m.RequestStop(reason, quick))
 
     def request_halt(self, reason: str, number: int) -> None:
         """As ``AxisSession.request_halt``."""
-        self._calls.send(m.RequestHalt(reason, number))
+        self._rpc.send(m.RequestHalt(reason, number))
 
     def hold_to_run(self, seconds: float | None, continuous: float | None = None) -> None:
         """As ``AxisSession.hold_to_run``."""
-        self._calls.send(m.HoldToRunMessage(seconds, continuous))
+        self._rpc.send(m.HoldToRunMessage(seconds, continuous))
 
     def observe(self, observer: Observer) -> None:
         """As ``AxisSession.observe``; in the thread that delivers events, a few cycles at a time."""
         self._observers = (*self._observers, observer)
-        self._calls.send(m.Observe(True))
+        self._rpc.send(m.Observe(True))
 
     def forget(self, observer: Observer) -> None:
         """As ``AxisSession.forget``."""
         self._observers = tuple(one for one in self._observers if one != observer)
         if not self._observers:
-            self._calls.send(m.Observe(False))
+            self._rpc.send(m.Observe(False))
 
-    def tap(self, hear: HearFrames, can_ids: Collection[int] = ()) -> None:
+    def tap(self, callback: OnFrames, can_ids: Collection[int] = ()) -> None:
         """As ``MachineSession.tap``; in the thread that delivers events."""
-        self._taps = {**self._taps, hear: frozenset(can_ids)}
-        self._want_frames()
+        self._taps = {**self._taps, callback: frozenset(can_ids)}
+        self._request_frames()
 
-    def untap(self, hear: HearFrames) -> None:
+    def untap(self, callback: OnFrames) -> None:
         """As ``MachineSession.untap``."""
-        self._taps = {other: ids for other, ids in self._taps.items() if other != hear}
-        self._want_frames()
+        self._taps = {other: ids for other, ids in self._taps.items() if other != callback}
+        self._request_frames()
 
-    def _want_frames(self) -> None:
+    def _request_frames(self) -> None:
         sets = self._taps.values()
         all_of_them = tuple(sorted(frozenset().union(*sets))) if all(sets) else ()
-        self._calls.send(m.Tap(bool(self._taps), all_of_them))
+        self._rpc.send(m.Tap(bool(self._taps), all_of_them))
 
     # -- messages of the core ------------------------------------------------------------------------------------------
 
-    def tell(self, told: m.CommandEvents) -> None:
+    def deliver(self, message: m.CommandEvents) -> None:
         """Deliver the command events of a cycle to the listeners."""
-        for event in told.events:
+        for event in message.events:
             if event.status in ENDED:
                 self._busy.pop(event.number, None)
-            for hear in self._listeners:
-                hear(event)
+            for callback in self._listeners:
+                callback(event)
         self._waiter.notify()
 
-    def show(self, cycles: m.CycleImages) -> None:
+    def deliver_images(self, cycles: m.CycleImages) -> None:
         """Deliver the images of some cycles to the observers."""
         if cycles.lost:
             log.warning(
@@ -342,15 +346,15 @@ class RemoteSession:
             for observer in self._observers:
                 observer(now, image)
 
-    def show_frames(self, told: m.Frames) -> None:
+    def deliver_frames(self, message: m.Frames) -> None:
         """Deliver frames to the taps."""
-        if told.lost:
-            log.warning("%d frames are missing: this program did not read them in time", told.lost)
-        frames = list(unpacked(told.packed))
-        for hear, can_ids in self._taps.items():
+        if message.lost:
+            log.warning("%d frames are missing: this program did not read them in time", message.lost)
+        frames = list(unpacked(message.packed))
+        for callback, can_ids in self._taps.items():
             wanted = [frame for frame in frames if not can_ids or frame.can_id in can_ids]
             if wanted:
-                hear(wanted)
+                callback(wanted)
 
     def take(self, condition: m.CoreCondition) -> None:
         """Store the condition of the core."""
@@ -365,8 +369,8 @@ class RemoteSession:
         """End every command that the core has not ended, because the core is gone."""
         while self._busy:
             number, name = self._busy.popitem()
-            error = self._calls.gone(f"{name} was ended")
-            self.tell(m.CommandEvents((CommandEvent(number, Status.ERROR, error, ""),)))
+            error = self._rpc.ended_error(f"{name} was ended")
+            self.deliver(m.CommandEvents((CommandEvent(number, Status.ERROR, error, ""),)))
         self._waiter.notify()
 
     def disown(self) -> None:

@@ -30,19 +30,19 @@ class SignalForwarder:
         self._end = end
         self._names = names
         self._since: float | None = None
-        self._told = 0
+        self._reported = 0
 
-    def look(self, now: float) -> tuple[str, int] | None:
+    def poll(self, now: float) -> tuple[str, int] | None:
         """Return the last unread signal, and the number of unread ones; None if nothing is new. ``now``: in s, monotonic."""
         waiting = self._waiting()
         if not waiting:
-            self._since, self._told = None, 0
+            self._since, self._reported = None, 0
             return None
         if self._since is None:
             self._since = now
-        if now - self._since < _PATIENCE or len(waiting) <= self._told:
+        if now - self._since < _PATIENCE or len(waiting) <= self._reported:
             return None
-        self._told = len(waiting)
+        self._reported = len(waiting)
         return waiting[-1], len(waiting)
 
     def _waiting(self) -> list[str]:

@@ -18,49 +18,51 @@ from contextlib import AbstractContextManager, nullcontext
 from axisbus.bus.link.socketpair_bus import PairBus
 from axisbus.cell.model import CellConfig
 from axisbus.core.files import read_once
-from axisbus.core.other_protocols import accesses_of, guests_of, simulated_guests
+from axisbus.core.other_protocols import accesses_of, foreign_nodes_of, simulated_foreign_nodes
 from axisbus.core.process.persistence.plant_log import PlantLog, history_path
 from axisbus.core.process.remote_proxy import answer_all
 from axisbus.core.process.startup_args import StartupArgs
-from axisbus.core.realtime_setup import take_priority
+from axisbus.core.realtime_setup import set_real_time_priority
 from axisbus.core.simulated_nodes import SimulatedNode, devices
 from axisbus.ipc.messages import CODEC
 from axisbus.ipc.stream import MessageStream
-from axisbus.sim.node.network import StandIns
+from axisbus.sim.node.network import SimulatedNetwork
 
-_ROUND = 0.05  # seconds
-_NOTED = 0.01  # seconds between two lines of a history
+_POLL_PERIOD = 0.05  # seconds
+_LOG_PERIOD = 0.01  # seconds between two lines of a history
 
 
-def serve(duty: StartupArgs, ready: socket.socket) -> None:
+def serve(startup_args: StartupArgs, ready: socket.socket) -> None:
     """Run the drives of a cell until its core and its program are gone; blocks. ``ready`` is closed when they listen."""
-    line, control = socket.socket(fileno=duty.far), socket.socket(fileno=duty.control)
-    config, dictionaries = read_once(duty.cell)
-    made, others = devices(config, dictionaries), simulated_guests(config)
+    line, control = socket.socket(fileno=startup_args.far), socket.socket(fileno=startup_args.control)
+    config, dictionaries = read_once(startup_args.cell)
+    made, others = devices(config, dictionaries), simulated_foreign_nodes(config)
     # as for the core, so that a busy computer does not make drives look lost; not earlier, because making them needs a processor
-    take_priority()
-    gone = select.poll()
-    gone.register(line, 0)  # only for the end of the line
+    set_real_time_priority()
+    core_poll = select.poll()
+    core_poll.register(line, 0)  # only for the end of the line
     bus = PairBus(line, of_drives=True)
-    with StandIns("line", list(made.values()), bus=bus, guests=guests_of(others)) as network:
+    with SimulatedNetwork(
+        "line", list(made.values()), bus=bus, foreign_nodes=foreign_nodes_of(others)
+    ) as network:
         ready.close()
-        stand_ins = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
-        stand_ins |= accesses_of(others, network.lock)
+        simulated_nodes = {node_id: SimulatedNode(device, network.lock) for node_id, device in made.items()}
+        simulated_nodes |= accesses_of(others, network.lock)
         stream = MessageStream(control, CODEC.pack, "axisbus drives")
-        asked = threading.Thread(
-            target=answer_all, args=(stream, stand_ins), name="axisbus asked", daemon=True
+        answering = threading.Thread(
+            target=answer_all, args=(stream, simulated_nodes), name="axisbus asked", daemon=True
         )
-        asked.start()
-        with _history(config, stand_ins) as history:
-            while asked.is_alive() or not gone.poll(0):
-                time.sleep(_ROUND if history is None else _NOTED)
+        answering.start()
+        with _history(config, simulated_nodes) as history:
+            while answering.is_alive() or not core_poll.poll(0):
+                time.sleep(_POLL_PERIOD if history is None else _LOG_PERIOD)
                 if history is not None:
                     history.note()
 
 
 def _history(
-    cell: CellConfig, stand_ins: Mapping[int, SimulatedNode]
+    cell: CellConfig, simulated_nodes: Mapping[int, SimulatedNode]
 ) -> AbstractContextManager[PlantLog | None]:
     """Return the log file of ``history`` in ``[bus.options]``, in the cell's folder; None if there is none."""
     path = history_path(cell)
-    return nullcontext() if path is None else PlantLog(path, stand_ins)
+    return nullcontext() if path is None else PlantLog(path, simulated_nodes)

@@ -10,17 +10,27 @@ from typing import ClassVar
 class StartupArgs:
     """The arguments of a watchdog process: descriptors (-1: none), the cell's file, and its number of axes.
 
-    ``line`` leads from the core to its program, and ``tell`` from the watchdog process to it. If drives are simulated, ``drives``
-    is the core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock`` shows that
-    this machine runs, reserves the adapter, and accepts clients; ``mark`` shows that its link is open. From ``signals`` the program
-    reads its signals. The program's end of ``line`` has the descriptor ``end`` there, and ``inode``.
+    ``line`` leads from the core to its program, and ``report_line`` from the watchdog process to it. If drives are simulated,
+    ``drives`` is the core's end of the line to them and ``far`` their own, and ``control`` leads from them to the program. ``lock``
+    shows that this machine runs, reserves the adapter, and accepts clients; ``mark`` shows that its link is open. From ``signals``
+    the program reads its signals. The program's end of ``line`` has the descriptor ``end`` there, and ``inode``.
     """
 
-    DESCRIPTORS: ClassVar = ("line", "memory", "tell", "signals", "drives", "far", "control", "lock", "mark")
+    DESCRIPTORS: ClassVar = (
+        "line",
+        "memory",
+        "report_line",
+        "signals",
+        "drives",
+        "far",
+        "control",
+        "lock",
+        "mark",
+    )
 
     line: int
     memory: int
-    tell: int
+    report_line: int
     program: int
     cell: str
     axes: int
@@ -41,22 +51,22 @@ class StartupArgs:
     @property
     def of_core(self) -> set[int]:
         """The descriptors of the core."""
-        return self._there(self.line, self.memory, self.signals, self.drives, self.lock, self.mark)
+        return self._valid(self.line, self.memory, self.signals, self.drives, self.lock, self.mark)
 
     @property
     def of_drives(self) -> set[int]:
         """The descriptors of the simulated drives."""
-        return self._there(self.far, self.control)
+        return self._valid(self.far, self.control)
 
     @property
     def of_watchdog(self) -> set[int]:
         """The descriptors of the watchdog process itself."""
-        return self._there(self.tell, self.memory, self.drives, self.lock, self.mark)
+        return self._valid(self.report_line, self.memory, self.drives, self.lock, self.mark)
 
     @property
     def all(self) -> set[int]:
         """The descriptors of all three."""
         return self.of_core | self.of_drives | self.of_watchdog
 
-    def _there(self, *numbers: int) -> set[int]:
+    def _valid(self, *numbers: int) -> set[int]:
         return {number for number in numbers if number >= 0}

@@ -26,7 +26,7 @@ from axisbus.motion.position_limits import LookaheadTrajectory
 from axisbus.motion.trajectory import CheckedTrajectory, Trajectory
 from axisbus.session import AnyCommand, Target
 
-_TURN = 0.01  # seconds for one trajectory before the next one's turn
+_TIME_SLICE = 0.01  # seconds for one trajectory before the next one's turn
 _PATIENCE = 1.0  # seconds for the thread to end
 
 Send = Callable[[int, int, tuple[float, ...]], None]
@@ -43,7 +43,7 @@ class Sampler:
             ArgumentError: the trajectory has no duration.
         """
         self._trajectory = CheckedTrajectory(trajectory, name)
-        self._told = trajectory  # the original, for the facts known in advance
+        self._given = trajectory  # the original, for the facts known in advance
         self._name = name
         self._step = step
         self._time = 0.0
@@ -57,37 +57,37 @@ class Sampler:
             ArgumentError: the trajectory gives no position, or one of its facts is no number.
         """
         assert not self.next
-        known, span, speed, hardest = self._told, None, None, None
+        known, span, speed, highest_acceleration = self._given, None, None, None
         if isinstance(known, LookaheadTrajectory):
             low, high = known.span
             span, speed = (
-                (self._fact(low, "span"), self._fact(high, "span")),
-                self._fact(known.top_speed, "top_speed"),
+                (self._checked_number(low, "span"), self._checked_number(high, "span")),
+                self._checked_number(known.top_speed, "top_speed"),
             )
         if isinstance(known, Ramped):
-            hardest = self._fact(known.top_acceleration, "top_acceleration")
+            highest_acceleration = self._checked_number(known.top_acceleration, "top_acceleration")
         positions = self.take(int(max(seconds, 0.0) / self._step) + 1)
-        return StreamHead(self._trajectory.duration, self._step, positions, span, speed, hardest)
+        return StreamHead(self._trajectory.duration, self._step, positions, span, speed, highest_acceleration)
 
-    def take(self, count: int, goes_on: Callable[[], bool] = lambda: True) -> tuple[float, ...]:
-        """Return the next samples: at most ``count``, up to the end, and while ``goes_on()`` is true; at least one.
+    def take(self, count: int, may_continue: Callable[[], bool] = lambda: True) -> tuple[float, ...]:
+        """Return the next samples: at most ``count``, up to the end, and while ``may_continue()`` is true; at least one.
 
         Raises:
             ArgumentError: the trajectory gives no position.
         """
         positions: list[float] = []
-        while len(positions) < count and not self.over and (not positions or goes_on()):
+        while len(positions) < count and not self.over and (not positions or may_continue()):
             positions.append(self._trajectory.position(self._time))
-            self._go_on()
+            self._continue()
         return tuple(positions)
 
-    def _go_on(self) -> None:
+    def _continue(self) -> None:
         duration = self._trajectory.duration
         self.over = self._time >= duration
         self._time = following(self._time, self._step, duration)
         self.next += 1
 
-    def _fact(self, value: object, what: str) -> float:
+    def _checked_number(self, value: object, what: str) -> float:
         found = number(value)
         if found is None:
             raise ArgumentError(
@@ -98,16 +98,16 @@ class Sampler:
         return found
 
 
-class _Fed:
+class _FedTrajectory:
     """One trajectory: its samples, and the number up to which they were requested."""
 
     def __init__(self, sampler: Sampler) -> None:
         self.sampler = sampler
-        self.asked = sampler.next
+        self.requested = sampler.next
 
     @property
-    def waits(self) -> bool:
-        return self.sampler.next < self.asked and not self.sampler.over
+    def has_requests(self) -> bool:
+        return self.sampler.next < self.requested and not self.sampler.over
 
 
 class Feeder:
@@ -127,52 +127,52 @@ class Feeder:
         self._send = send
         self._send_failure = send_failure
         self._clock = clock
-        self._wanted = threading.Condition()
-        self._fed: dict[int, _Fed] = {}
-        self._turns: deque[int] = deque()
+        self._changed = threading.Condition()
+        self._trajectories: dict[int, _FedTrajectory] = {}
+        self._queue: deque[int] = deque()
         self._closed = False
         self._thread: threading.Thread | None = None
 
     def add(self, number: int, sampler: Sampler) -> None:
         """Add a trajectory, by the ``number`` of its command, before the command is given; its head is sent with the command."""
-        with self._wanted:
+        with self._changed:
             if not sampler.over and not self._closed:
-                self._fed[number] = _Fed(sampler)
+                self._trajectories[number] = _FedTrajectory(sampler)
 
     def request(self, number: int, first: int, count: int) -> None:
         """Request the samples up to number ``first + count - 1``; ignored for an unknown trajectory. Does not block."""
-        with self._wanted:
-            fed = self._fed.get(number)
-            if fed is None:
+        with self._changed:
+            trajectory = self._trajectories.get(number)
+            if trajectory is None:
                 return
-            fed.asked = max(fed.asked, first + count)
-            if fed.waits and number not in self._turns:
-                self._turns.append(number)
+            trajectory.requested = max(trajectory.requested, first + count)
+            if trajectory.has_requests and number not in self._queue:
+                self._queue.append(number)
                 self._start()
-                self._wanted.notify()
+                self._changed.notify()
 
     def drop(self, number: int) -> None:
         """Drop a trajectory, because its command has ended. An unknown number is ignored."""
-        with self._wanted:
-            self._fed.pop(number, None)
+        with self._changed:
+            self._trajectories.pop(number, None)
 
     def close(self) -> None:
         """Drop all, and end the thread. Blocks up to 1 s if a trajectory's code does not return."""
-        with self._wanted:
+        with self._changed:
             self._closed = True
-            self._fed.clear()
-            self._turns.clear()
-            self._wanted.notify_all()
+            self._trajectories.clear()
+            self._queue.clear()
+            self._changed.notify_all()
         thread = self._thread
         if thread is not None and thread is not threading.current_thread():
             thread.join(_PATIENCE)
 
     def disown(self) -> None:
         """Do nothing any more, in a forked child: neither the thread nor the holder of the lock runs there."""
-        self._wanted = threading.Condition()
+        self._changed = threading.Condition()
         self._closed = True
         self._thread = None
-        self._fed, self._turns = {}, deque()
+        self._trajectories, self._queue = {}, deque()
 
     # -- the thread --------------------------------------------------------------------------------------------------
 
@@ -182,54 +182,54 @@ class Feeder:
             self._thread.start()
 
     def _run(self) -> None:
-        while (turn := self._next()) is not None:
-            number, fed = turn
+        while (queued := self._next()) is not None:
+            number, trajectory = queued
             try:
-                self._serve(number, fed)
+                self._serve(number, trajectory)
             except Exception:  # noqa: BLE001  # the error cannot be sent: the core brakes the axis and reports why
                 self.drop(number)
 
-    def _next(self) -> tuple[int, _Fed] | None:
+    def _next(self) -> tuple[int, _FedTrajectory] | None:
         """Wait for the next turn; None when there will be none."""
-        with self._wanted:
+        with self._changed:
             while not self._closed:
-                while self._turns:
-                    number = self._turns.popleft()
-                    fed = self._fed.get(number)
-                    if fed is not None and fed.waits:
-                        return number, fed
-                self._wanted.wait()
+                while self._queue:
+                    number = self._queue.popleft()
+                    trajectory = self._trajectories.get(number)
+                    if trajectory is not None and trajectory.has_requests:
+                        return number, trajectory
+                self._changed.wait()
         return None
 
-    def _serve(self, number: int, fed: _Fed) -> None:
-        first, end = fed.sampler.next, self._clock() + _TURN
+    def _serve(self, number: int, trajectory: _FedTrajectory) -> None:
+        first, end = trajectory.sampler.next, self._clock() + _TIME_SLICE
         try:
-            positions = fed.sampler.take(fed.asked - first, lambda: self._clock() < end)
+            positions = trajectory.sampler.take(trajectory.requested - first, lambda: self._clock() < end)
         except AxisbusError as error:
-            if self._is_fed(number, fed):
+            if self._is_active(number, trajectory):
                 self.drop(number)
                 self._send_failure(number, error)
             return
-        if self._is_fed(number, fed):
+        if self._is_active(number, trajectory):
             self._send(number, first, positions)
-            self._go_on(number, fed)
+            self._continue(number, trajectory)
 
-    def _is_fed(self, number: int, fed: _Fed) -> bool:
+    def _is_active(self, number: int, trajectory: _FedTrajectory) -> bool:
         """Whether it has not been dropped meanwhile."""
-        return self._fed.get(number) is fed
+        return self._trajectories.get(number) is trajectory
 
-    def _go_on(self, number: int, fed: _Fed) -> None:
+    def _continue(self, number: int, trajectory: _FedTrajectory) -> None:
         """Give a trajectory with further requests its next turn, after the others; drop one that is over."""
-        with self._wanted:
-            if fed.sampler.over:
-                self._fed.pop(number, None)
-            elif fed.waits and number not in self._turns:
-                self._turns.append(number)
+        with self._changed:
+            if trajectory.sampler.over:
+                self._trajectories.pop(number, None)
+            elif trajectory.has_requests and number not in self._queue:
+                self._queue.append(number)
 
 
 # -- The trajectories that a core follows: ``Streams`` in the core, ``Trajectories`` in the program ------------------------
 
-_HEAD = 2.0  # seconds of a trajectory that are sent with its command
+_HEAD_SECONDS = 2.0  # seconds of a trajectory that are sent with its command
 
 
 class Streams:
@@ -265,7 +265,7 @@ class Streams:
         if stream is not None:
             stream.fail(told.error)
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Request the samples needed next, and drop trajectories that are no longer followed; called every few milliseconds."""
         for key in list(self._found):
             stream = self._stream(key)
@@ -302,7 +302,7 @@ class Trajectories:
         if not isinstance(command, FollowTrajectory):
             return m.Submit(number, target, command, name)
         sampler = Sampler(command.trajectory, self._period, str(target))
-        head = sampler.head(_HEAD)
+        head = sampler.head(_HEAD_SECONDS)
         self._last += 1
         self.feeder.add(self._last, sampler)
         return m.Submit(number, target, FollowTrajectory(head), name, self._last)  # type: ignore[arg-type]  # crosses in its place

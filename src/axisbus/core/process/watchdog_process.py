@@ -30,64 +30,68 @@ from contextlib import suppress
 from axisbus.core.files import read_once
 from axisbus.core.process import server, simulated_drives
 from axisbus.core.process.persistence.journal import journal
-from axisbus.core.process.rescue import BEAT, CrashStop
+from axisbus.core.process.rescue import BEAT_PERIOD, CrashStop
 from axisbus.core.process.startup_args import StartupArgs
-from axisbus.core.realtime_setup import call_process, take_priority
+from axisbus.core.realtime_setup import set_process_name, set_real_time_priority
 from axisbus.errors import AxisbusError
 from axisbus.ipc.rescue_memory import CoreStage
 
 log = logging.getLogger("axisbus")
-_ROUND = 0.02  # seconds
+_POLL_PERIOD = 0.02  # seconds
 _ON_TIME = 0.1  # seconds; a longer round shows that this computer did not run
-_READY = b"r"
+_BEAT = b"r"
 _PATIENCE = 5.0  # seconds; drives that are absent by then are reported by the boot
 
 
 def main(text: str) -> None:
     """Run a ``StartupArgs`` (as JSON), as the watchdog process or as one of the processes that it forks; blocks until the end."""
-    duty = StartupArgs(**json.loads(text))
+    startup_args = StartupArgs(**json.loads(text))
     with suppress(AxisbusError):  # the process that needs it reports the error
-        read_once(duty.cell)
+        read_once(startup_args.cell)
     gc.freeze()  # the present objects stay for ever, shared by all processes
-    hears, ready = socket.socketpair()
-    if duty.simulates and not os.fork():
-        hears.close()
-        _become("axisbus drives", duty, duty.of_drives)
-        simulated_drives.serve(duty, ready)
+    drives_line, ready = socket.socketpair()
+    if startup_args.simulates and not os.fork():
+        drives_line.close()
+        _become_process("axisbus drives", startup_args, startup_args.of_drives)
+        simulated_drives.serve(startup_args, ready)
         return
     ready.close()
     near, far = socket.socketpair()
     core = os.fork()
     if core:
         far.close()
-        _become("axisbus wdog", duty, duty.of_watchdog)  # the system cuts a name after 15 characters
-        _guard(core, near, duty, hears)
+        _become_process(
+            "axisbus wdog", startup_args, startup_args.of_watchdog
+        )  # the system cuts a name after 15 characters
+        _run_watchdog(core, near, startup_args, drives_line)
     else:
         near.close()
-        hears.close()
-        _become("axisbus core", duty, duty.of_core)
-        server.serve(duty, far)
+        drives_line.close()
+        _become_process("axisbus core", startup_args, startup_args.of_core)
+        server.serve(startup_args, far)
 
 
-def _become(name: str, duty: StartupArgs, kept: set[int]) -> None:
+def _become_process(name: str, startup_args: StartupArgs, own_descriptors: set[int]) -> None:
     """Keep only this process's own descriptors, so that the others see its end, and set its name."""
-    for number in duty.all - kept:
+    for number in startup_args.all - own_descriptors:
         os.close(number)
-    call_process(name)
+    set_process_name(name)
 
 
-def _guard(core: int, line: socket.socket, duty: StartupArgs, drives_hear: socket.socket) -> None:
-    """Watch the core, a child, to its end; ``line`` leads to it. ``drives_hear`` ends when simulated drives listen on their bus."""
+def _run_watchdog(
+    core: int, line: socket.socket, startup_args: StartupArgs, drives_line: socket.socket
+) -> None:
+    """Watch the core, a child, to its end; ``line`` leads to it. ``drives_line`` ends when simulated drives listen on their bus."""
     for number in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
         signal.signal(number, signal.SIG_IGN)  # handled by the core
     with line:  # its end shows the core that it is no longer watched
-        rescuer = CrashStop(duty)
-        take_priority()  # an overloaded computer is where a core may hang
-        _await_end(drives_hear)
+        crash_stop = CrashStop(startup_args)
+        set_real_time_priority()  # an overloaded computer is where a core may hang
+        _await_end(drives_line)
         with suppress(OSError):  # it has already ended
-            line.sendall(_READY)
+            line.sendall(_BEAT)
         line.setblocking(False)
-        _watch(core, rescuer, duty.cell, line)
+        _watch(core, crash_stop, startup_args.cell, line)
 
 
 def _await_end(line: socket.socket) -> None:
@@ -108,11 +112,11 @@ def _kill(core: int) -> None:
     os.waitpid(core, 0)
 
 
-def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> None:
+def _watch(core: int, crash_stop: CrashStop, cell: str, line: socket.socket) -> None:
     """Wait for the end of the core, or kill it; stop its drives, if it has left any moving; report and log the results."""
-    why = _end_of(core, rescuer, line)
-    if rescuer.is_needed:
-        rescued = rescuer.rescue(why)
+    why = _end_of(core, crash_stop, line)
+    if crash_stop.is_needed:
+        rescued = crash_stop.rescue(why)
         with journal(cell):  # a disk may be slow
             log.error("the core had ended: %s; so its drives were stopped", why)
             for each in rescued.stopped:
@@ -120,25 +124,25 @@ def _watch(core: int, rescuer: CrashStop, cell: str, line: socket.socket) -> Non
             for output in rescued.unsafe:
                 log.error("%s NOT CONFIRMED as safe: %s", output.output, output.text)
     else:
-        rescuer.report(why)
+        crash_stop.report(why)
 
 
-def _end_of(core: int, rescuer: CrashStop, line: socket.socket) -> str:
+def _end_of(core: int, crash_stop: CrashStop, line: socket.socket) -> str:
     seen, idle, before = None, 0.0, time.monotonic()
     due = before
     while (code := _exit_code(core)) is None:
-        time.sleep(_ROUND)
+        time.sleep(_POLL_PERIOD)
         now = time.monotonic()
         idle += now - before if now - before < _ON_TIME else 0.0
         before = now
         if now >= due:
-            due = now + BEAT
+            due = now + BEAT_PERIOD
             with suppress(OSError):  # a core that hangs accepts no bytes
-                line.send(_READY)
-        stage = rescuer.stage
-        if (rescuer.number, stage) != seen:
-            seen, idle = (rescuer.number, stage), 0.0
-        if rescuer.is_hung(stage, idle):
+                line.send(_BEAT)
+        stage = crash_stop.stage
+        if (crash_stop.number, stage) != seen:
+            seen, idle = (crash_stop.number, stage), 0.0
+        if crash_stop.is_hung(stage, idle):
             _kill(core)
             return _killed(stage, idle)
     return _ended(code)

@@ -86,7 +86,7 @@ def require_canopen(found: Sequence[DiscoveredModule], node: int) -> None:
     _require_no_clash([each for each in others if each is not None], {*canopen_nodes(found), node})
 
 
-def require_alone(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> None:
+def require_no_other_master(finder: Finder, found: Sequence[DiscoveredModule], node: int) -> None:
     """Check that a module is alone on its bus: with another bit rate it would destroy the frames of other nodes.
 
     Raises:

@@ -38,7 +38,7 @@ class CanSimpleDecoder:
     def __init__(self, nodes: Collection[int] = ()) -> None:
         self._beats: dict[int, Heartbeats] = {node: Heartbeats() for node in nodes}
 
-    def told(self, frame: CanFrame) -> NodeFrameText | None:
+    def decode(self, frame: CanFrame) -> NodeFrameText | None:
         """Return the text of a frame; None if it belongs to none of the named nodes."""
         if not self._beats or frame.error or frame.extended or frame.can_id >= NODES.stop << 5:
             return None

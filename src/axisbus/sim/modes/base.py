@@ -20,7 +20,7 @@ class Mode:
     def enter(self, axis: Axis) -> None:
         """Begin the mode, or begin after enabling: start from the present demand."""
 
-    def go_on(self, axis: Axis) -> None:
+    def resume_last_motion(self, axis: Axis) -> None:
         """Resume the last motion after ``enter``, in a drive that does so after being disabled."""
 
     def command(self, axis: Axis, old: int, new: int) -> None:
@@ -53,4 +53,4 @@ class Mode:
     def halted_bits(self, axis: Axis) -> int:
         """Return the same bits while the halt bit is set: bit 10 reports standstill."""
         keep = self.bits(axis) & ~SW_BIT_10
-        return keep | SW_BIT_10 if axis.standing else keep
+        return keep | SW_BIT_10 if axis.at_standstill else keep

@@ -17,12 +17,12 @@ class CyclicPosition(Mode):
 
     def __init__(self) -> None:
         self._goal = 0.0
-        self._left = 0.0
-        self._ahead = self._push = 0.0  # 60B1h, 60B2h
+        self._time_left = 0.0
+        self._feed_forward = self._push = 0.0  # 60B1h, 60B2h
 
     def enter(self, axis: Axis) -> None:
-        self._goal, self._left = axis.position, 0.0
-        self._ahead = self._push = 0.0
+        self._goal, self._time_left = axis.position, 0.0
+        self._feed_forward = self._push = 0.0
 
     def resume(self, axis: Axis) -> None:
         self.enter(axis)
@@ -34,32 +34,32 @@ class CyclicPosition(Mode):
     def sync(self, axis: Axis, period: float) -> None:
         target = axis.to_motor(self.target(axis) + axis.settings.position_offset)
         self._goal = axis.position_within(target)
-        self._left = period
-        self._ahead = axis.motor_velocity(axis.settings.velocity_offset)
+        self._time_left = period
+        self._feed_forward = axis.motor_velocity(axis.settings.velocity_offset)
         self._push = float(axis.settings.torque_offset)
 
     def step(self, axis: Axis, dt: float) -> None:
-        here, left = axis.position, self._left
-        way = self._goal - here
+        here, left = axis.position, self._time_left
+        distance = self._goal - here
         if left > dt * 1.000001:
-            way *= dt / left
-            self._left = left - dt
+            distance *= dt / left
+            self._time_left = left - dt
             time = dt
         else:
-            self._left = 0.0
+            self._time_left = 0.0
             time = left or dt
-        axis.speed_limited = abs(way) > axis.speed_limit * dt
+        axis.speed_limited = abs(distance) > axis.speed_limit * dt
         if axis.speed_limited:
-            way = axis.speed_limit * dt if way > 0.0 else -axis.speed_limit * dt
+            distance = axis.speed_limit * dt if distance > 0.0 else -axis.speed_limit * dt
             time = dt
-        if axis.forbidden and way * axis.forbidden > 0.0:
+        if axis.forbidden and distance * axis.forbidden > 0.0:
             axis.clamped = True
-            way = 0.0
-        axis.follow(here + way, way / time, dt, self._ahead, self._push)
+            distance = 0.0
+        axis.follow(here + distance, distance / time, dt, self._feed_forward, self._push)
 
     def halt(self, axis: Axis, effort: Effort, dt: float) -> None:
-        if axis.motor.ahead:
-            axis.seize()
+        if axis.motor.feed_forward:
+            axis.restart_tracking()
         super().halt(axis, effort, dt)
 
     def bits(self, axis: Axis) -> int:
@@ -67,7 +67,7 @@ class CyclicPosition(Mode):
 
     def halted_bits(self, axis: Axis) -> int:
         value = SW_BIT_13 if axis.following_exceeded else 0
-        return value | SW_BIT_10 if axis.standing else value
+        return value | SW_BIT_10 if axis.at_standstill else value
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ class InterpolatedPosition(CyclicPosition):
     def __init__(self) -> None:
         super().__init__()
         self._active = False
-        self._asked: float | None = None  # seconds since bit 4 was set
+        self._requested_for: float | None = None  # seconds since bit 4 was set
 
     def enter(self, axis: Axis) -> None:
         super().enter(axis)
@@ -93,21 +93,21 @@ class InterpolatedPosition(CyclicPosition):
 
     def command(self, axis: Axis, _old: int, new: int) -> None:
         if not new & CW_BIT_4:
-            if axis.motor.ahead:
-                axis.seize()
-            self._asked, self._active = None, False
-        elif self._asked is None:
-            self._asked = 0.0
+            if axis.motor.feed_forward:
+                axis.restart_tracking()
+            self._requested_for, self._active = None, False
+        elif self._requested_for is None:
+            self._requested_for = 0.0
             self._begin(axis)
 
     def _begin(self, axis: Axis) -> None:
-        if self._asked is not None and self._asked >= axis.dials.interpolation_delay:
+        if self._requested_for is not None and self._requested_for >= axis.dials.interpolation_delay:
             super().enter(axis)
             self._active = True
 
     def abandon(self, axis: Axis) -> None:
         super().abandon(axis)
-        self._active, self._asked = False, None
+        self._active, self._requested_for = False, None
 
     def target(self, axis: Axis) -> int:
         return axis.settings.interpolation_target
@@ -121,12 +121,12 @@ class InterpolatedPosition(CyclicPosition):
             super().step(axis, dt)
             return
         axis.brake(_SLOW, dt)
-        if self._asked is not None:
-            self._asked += dt
+        if self._requested_for is not None:
+            self._requested_for += dt
             self._begin(axis)
 
     def bits(self, axis: Axis) -> int:
-        reached = SW_BIT_10 if axis.standing else 0
+        reached = SW_BIT_10 if axis.at_standstill else 0
         return reached | (SW_BIT_12 if self._active else 0)
 
     def halted_bits(self, axis: Axis) -> int:

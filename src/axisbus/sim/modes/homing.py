@@ -71,18 +71,18 @@ class Homing(Mode):
                 self.phase = Phase.OFF_SWITCH
         elif self.phase in (Phase.OFF_SWITCH, Phase.TO_INDEX):
             self._look_for_edge(axis)
-        elif self.phase is Phase.STOPPING and axis.standing:
+        elif self.phase is Phase.STOPPING and axis.at_standstill:
             self.phase = Phase.DONE
 
     def bits(self, axis: Axis) -> int:
         if self.phase is Phase.FAILED:
-            return SW_BIT_13 | (SW_BIT_10 if axis.standing else 0)
+            return SW_BIT_13 | (SW_BIT_10 if axis.at_standstill else 0)
         if self.phase is Phase.DONE:
             return SW_BIT_12 | (0 if axis.dials.homing_reached_never else SW_BIT_10)
         if self.phase is Phase.STOPPING:
             return SW_BIT_12
         if self.phase is Phase.IDLE:
-            return SW_BIT_10 if axis.standing else 0
+            return SW_BIT_10 if axis.at_standstill else 0
         return 0
 
     def _start(self, axis: Axis) -> None:
@@ -128,8 +128,10 @@ class Homing(Mode):
         return (axis.motor.position - self._edge) * self._direction >= 0.0
 
     def _look_for_edge(self, axis: Axis) -> None:
-        going = self._direction if self.phase is Phase.TO_INDEX else -self._direction
-        if (axis.motor.position - self._edge) * going > 0.0 and axis.motor.velocity * going > 0.0:
+        search_direction = self._direction if self.phase is Phase.TO_INDEX else -self._direction
+        if (
+            axis.motor.position - self._edge
+        ) * search_direction > 0.0 and axis.motor.velocity * search_direction > 0.0:
             self._define(axis, self._edge)
             self.phase = Phase.STOPPING
 

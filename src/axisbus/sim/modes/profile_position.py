@@ -58,7 +58,7 @@ class ProfilePosition(Mode):
         self._presented: SetPoint | None = None
         self._delay = 0.0
         self._active: SetPoint | None = None
-        self._former: SetPoint | None = None  # the last one that became active
+        self._previous: SetPoint | None = None  # the last one that became active
         self._buffer: SetPoint | None = None
         self._profile: Profile | SoftProfile | None = None
         self._goal: float | None = None
@@ -78,15 +78,15 @@ class ProfilePosition(Mode):
         self._goal = None
         self._stale_timer = 0.0
 
-    def go_on(self, axis: Axis) -> None:
-        if self._former is not None:
-            self._start(axis, self._former)
+    def resume_last_motion(self, axis: Axis) -> None:
+        if self._previous is not None:
+            self._start(axis, self._previous)
 
     def command(self, axis: Axis, old: int, new: int) -> None:
         self._bit_4 = bool(new & CW_BIT_4)
         if self._bit_4 and not old & CW_BIT_4:
             self._present(axis, new)
-        self._let_go(axis)
+        self._clear_acknowledge(axis)
 
     def step(self, axis: Axis, dt: float) -> None:
         self._handshake(axis, dt)
@@ -114,7 +114,7 @@ class ProfilePosition(Mode):
             value |= SW_BIT_13
         if axis.dials.target_reached_never:
             return value
-        if self._stale_timer > 0.0 or (axis.standing if self._goal is None else self._reached):
+        if self._stale_timer > 0.0 or (axis.at_standstill if self._goal is None else self._reached):
             value |= SW_BIT_10
         return value
 
@@ -186,9 +186,9 @@ class ProfilePosition(Mode):
             return
         self._acknowledge = True
         self._acknowledged_for = 0.0
-        self._let_go(axis)
+        self._clear_acknowledge(axis)
 
-    def _let_go(self, axis: Axis) -> None:
+    def _clear_acknowledge(self, axis: Axis) -> None:
         if not self._bit_4 and self._buffer is None and not axis.dials.acknowledge_stays:
             self._acknowledge = False
 
@@ -201,7 +201,7 @@ class ProfilePosition(Mode):
     def _start(self, axis: Axis, point: SetPoint) -> None:
         if self._reached and axis.dials.target_reached_late:
             self._stale_timer = axis.dials.target_reached_late
-        self._active = self._former = point
+        self._active = self._previous = point
         self._goal = point.target
         self._reached = False
         self._window_timer = 0.0
@@ -242,7 +242,7 @@ class ProfilePosition(Mode):
         if self._buffer is not None:
             point, self._buffer = self._buffer, None
             self._start(axis, point)
-            self._let_go(axis)
+            self._clear_acknowledge(axis)
 
     def _drop(self, axis: Axis) -> None:
         """End the move at a limit switch; its target is never reached."""

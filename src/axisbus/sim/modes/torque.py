@@ -69,4 +69,4 @@ class CyclicTorque(Mode):
         return SW_BIT_12
 
     def halted_bits(self, axis: Axis) -> int:
-        return SW_BIT_10 if axis.standing else 0
+        return SW_BIT_10 if axis.at_standstill else 0

@@ -25,7 +25,7 @@ class ProfileVelocity(Mode):
         self._reached = False
         self._zero = True
         self._soft: SoftVelocity | None = None  # valid while only the ramp moves the axis
-        self._former = 0  # the last 60FFh other than 0
+        self._previous = 0  # the last 60FFh other than 0
         self._written: int | None = None  # unchanged 60FFh while the former velocity applies
 
     def enter(self, _axis: Axis) -> None:
@@ -33,7 +33,7 @@ class ProfileVelocity(Mode):
         self._soft = None
         self._written = None
 
-    def go_on(self, axis: Axis) -> None:
+    def resume_last_motion(self, axis: Axis) -> None:
         self._written = axis.target_velocity
 
     def step(self, axis: Axis, dt: float) -> None:
@@ -62,15 +62,15 @@ class ProfileVelocity(Mode):
         soft = self._soft
         if soft is None or abs(soft.velocity - axis.velocity) > _SAME:
             soft = self._soft = SoftVelocity(axis.velocity)
-        velocity, way = soft.step(target, axis.acceleration, axis.deceleration, axis.profile_jerk, dt)
-        axis.follow(axis.position + way, velocity, dt)
+        velocity, distance = soft.step(target, axis.acceleration, axis.deceleration, axis.profile_jerk, dt)
+        axis.follow(axis.position + distance, velocity, dt)
 
     def _wanted(self, axis: Axis) -> int:
         target = axis.target_velocity
         if self._written is not None and target == self._written:
-            return self._former
+            return self._previous
         self._written = None
-        self._former = target or self._former
+        self._previous = target or self._previous
         return target
 
     def _watch(self, axis: Axis, dt: float) -> None:
@@ -98,11 +98,11 @@ class CyclicVelocity(Mode):
 
     def __init__(self) -> None:
         self._goal = 0.0
-        self._left = 0.0
+        self._time_left = 0.0
         self._push = 0.0  # 60B2h
 
     def enter(self, axis: Axis) -> None:
-        self._goal, self._left = axis.velocity, 0.0
+        self._goal, self._time_left = axis.velocity, 0.0
         self._push = 0.0
 
     def resume(self, axis: Axis) -> None:
@@ -111,25 +111,25 @@ class CyclicVelocity(Mode):
     def sync(self, axis: Axis, period: float) -> None:
         wanted = axis.motor_velocity(axis.target_velocity + axis.settings.velocity_offset)
         self._goal = axis.velocity_within(wanted, axis.speed_limit)
-        self._left = period
+        self._time_left = period
         self._push = float(axis.settings.torque_offset)
 
     def step(self, axis: Axis, dt: float) -> None:
         goal = axis.velocity_within(self._goal, axis.speed_limit) if axis.forbidden else self._goal
-        left = self._left
+        left = self._time_left
         before = axis.velocity
         if left > dt:
             after = before + (goal - before) * dt / left
-            way = 0.5 * (before + after) * dt
+            distance = 0.5 * (before + after) * dt
         else:
             after = goal
-            way = 0.5 * (before + after) * left + after * (dt - left)
-        self._left = max(0.0, left - dt)
-        axis.follow(axis.position + way, after, dt, push=self._push)
+            distance = 0.5 * (before + after) * left + after * (dt - left)
+        self._time_left = max(0.0, left - dt)
+        axis.follow(axis.position + distance, after, dt, push=self._push)
         axis.forget_error()
 
     def bits(self, _axis: Axis) -> int:
         return SW_BIT_12
 
     def halted_bits(self, axis: Axis) -> int:
-        return SW_BIT_10 if axis.standing else 0
+        return SW_BIT_10 if axis.at_standstill else 0

@@ -54,18 +54,18 @@ class ErrorHistory:
         """Return entry ``number`` of the history, from 0 for the newest; 0 if it does not exist."""
         return self.entries[number] if number < len(self.entries) else 0
 
-    def report(self, who: int, code: int, maker_bits: int = 0, register: int | None = None) -> None:
-        """Add an error of axis ``who`` (-1: communication) and queue its message with five manufacturer-specific bytes."""
+    def report(self, source: int, code: int, maker_bits: int = 0, register: int | None = None) -> None:
+        """Add an error of axis ``source`` (-1: communication) and queue its message with five manufacturer-specific bytes."""
         bits = register_bits(code) if register is None else register
-        self._active[who, code] = bits
+        self._active[source, code] = bits
         data = (maker_bits & 0xFF_FFFF_FFFF).to_bytes(5, "little")
         self.entries.insert(0, code | (maker_bits & 0xFFFF) << 16)
         del self.entries[self.capacity :]
         self._put(code, data)
 
-    def settle(self, who: int) -> None:
-        """Remove the errors of axis ``who``, and queue message 0000h once, with the resulting register."""
-        mine = [key for key in self._active if key[0] == who]
+    def settle(self, source: int) -> None:
+        """Remove the errors of axis ``source``, and queue message 0000h once, with the resulting register."""
+        mine = [key for key in self._active if key[0] == source]
         for key in mine:
             del self._active[key]
         if mine:

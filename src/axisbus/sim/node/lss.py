@@ -16,7 +16,7 @@ import random
 from collections import deque
 from collections.abc import Callable
 
-from axisbus.sim.fault_injection import LssDials
+from axisbus.sim.fault_injection import LssFaults
 
 NO_NODE_ID = 255
 # Bit/s by index in the table of CiA 305.
@@ -39,7 +39,7 @@ Address = tuple[int, int, int, int]
 class LssSlave:
     """State of the LSS slave: node-IDs, bit rates, the requests of a sequence so far, pending answers."""
 
-    def __init__(self, address: Callable[[], Address], node_id: int, dials: LssDials, seed: int = 0) -> None:
+    def __init__(self, address: Callable[[], Address], node_id: int, dials: LssFaults, seed: int = 0) -> None:
         """Make a slave; ``address`` returns its identity (1018h:1 to 4); ``node_id`` 255: no node-ID."""
         self.active = self.pending = self.stored = node_id
         self.bit_rate = self.pending_bit_rate = 0  # bit/s; 0: the bit rate at power-up
@@ -49,7 +49,7 @@ class LssSlave:
         self._random = random.Random(seed)
         self._answers: deque[tuple[float, bytes]] = deque()
         self._selected: list[int] = []
-        self._asked: list[int] = []
+        self._identify_numbers: list[int] = []
         self._scan_part = 0
         self._now = 0.0
         self._silent_until = -1.0
@@ -66,7 +66,7 @@ class LssSlave:
             self.pending = self.stored
         self.active = self.pending
         self.configuring = False
-        self._selected, self._asked, self._scan_part = [], [], 0
+        self._selected, self._identify_numbers, self._scan_part = [], [], 0
         return self.active
 
     def on_frame(self, data: bytes, now: float) -> None:
@@ -126,13 +126,13 @@ class LssSlave:
     def _identify(self, command: int, number: int) -> bytes | None:
         """Process 46h to 4Bh in sequence: vendor-ID, product code, lowest and highest revision, lowest and highest serial."""
         if command == 0x46:
-            self._asked = []
-        if len(self._asked) != command - 0x46:
+            self._identify_numbers = []
+        if len(self._identify_numbers) != command - 0x46:
             return None
-        self._asked.append(number)
+        self._identify_numbers.append(number)
         if command != 0x4B:
             return None
-        vendor, product, low_revision, high_revision, low_serial, high_serial = self._asked
+        vendor, product, low_revision, high_revision, low_serial, high_serial = self._identify_numbers
         own = self._address()
         matches = own[:2] == (vendor, product)
         in_range = low_revision <= own[2] <= high_revision and low_serial <= own[3] <= high_serial
@@ -201,10 +201,10 @@ class LssSlave:
         self.stored = self.pending
         return bytes((0x17, 0))
 
-    def _tell_number(self, data: bytes) -> bytes:
+    def _answer_number(self, data: bytes) -> bytes:
         return data[:1] + self._address()[data[0] - 0x5A].to_bytes(4, "little")
 
-    def _tell_node_id(self, data: bytes) -> bytes:
+    def _answer_node_id(self, data: bytes) -> bytes:
         return bytes((data[0], self.active))
 
 
@@ -213,11 +213,11 @@ _CONFIGURATION: dict[int, Callable[[LssSlave, bytes], bytes | None]] = {
     0x13: LssSlave._take_bit_rate,
     0x15: LssSlave._activate,
     0x17: LssSlave._store,
-    0x5A: LssSlave._tell_number,
-    0x5B: LssSlave._tell_number,
-    0x5C: LssSlave._tell_number,
-    0x5D: LssSlave._tell_number,
-    0x5E: LssSlave._tell_node_id,
+    0x5A: LssSlave._answer_number,
+    0x5B: LssSlave._answer_number,
+    0x5C: LssSlave._answer_number,
+    0x5D: LssSlave._answer_number,
+    0x5E: LssSlave._answer_node_id,
 }
 
 

@@ -32,7 +32,7 @@ from axisbus.sim.node.slave import Slave
 _CATCH_UP = 0.1  # s
 
 
-class Guest(Protocol):
+class ForeignNode(Protocol):
     """A simulated node of another protocol on the same bus: frames in, frames out. Times are seconds of a steady clock."""
 
     @property
@@ -59,18 +59,18 @@ class Guest(Protocol):
 class _Listener(can.Listener):
     """Passes every frame to the simulated nodes."""
 
-    def __init__(self, stand_ins: StandIns) -> None:
-        self._stand_ins = stand_ins
+    def __init__(self, simulated_nodes: SimulatedNetwork) -> None:
+        self._simulated_nodes = simulated_nodes
 
     def on_message_received(self, msg: can.Message) -> None:
         if not (msg.is_error_frame or msg.is_extended_id):
-            self._stand_ins.receive(msg.arbitration_id, bytes(msg.data), remote=msg.is_remote_frame)
+            self._simulated_nodes.receive(msg.arbitration_id, bytes(msg.data), remote=msg.is_remote_frame)
 
     def stop(self) -> None:
         """Nothing to release."""
 
 
-class StandIns:
+class SimulatedNetwork:
     """Simulated nodes on a channel while the ``with`` block runs; holds the timer thread.
 
     Devices, drives and fault settings may be read and changed from any thread; hold ``lock`` if several values must be consistent.
@@ -84,18 +84,18 @@ class StandIns:
         interface: str = "virtual",
         bitrate: int | None = None,
         bus: can.BusABC | None = None,
-        guests: Sequence[Guest] = (),
+        foreign_nodes: Sequence[ForeignNode] = (),
         period: float = 0.002,
     ) -> None:
         """Prepare the nodes; the channel is opened by ``start`` (or ``with``). ``bitrate`` is for adapters that need it.
 
-        ``bus``: a bus that is open already. ``guests``: simulated nodes of other protocols; they and the devices receive each
-        other's frames. ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
+        ``bus``: a bus that is open already. ``foreign_nodes``: simulated nodes of other protocols; they and the devices receive
+        each other's frames. ``period`` is the step of the timer thread in s (1 to 5 ms are sensible).
         """
         self.lock = threading.RLock()
         self.devices = list(devices)
-        self.nodes = [StandInNode(device, self.lock) for device in self.devices]
-        self.guests = list(guests)
+        self.nodes = [SimulatedLocalNode(device, self.lock) for device in self.devices]
+        self.foreign_nodes = list(foreign_nodes)
         self.network = canopen.Network(bus)
         self._options: dict[str, str | int] = {"interface": interface, "channel": channel}
         if bitrate is not None:
@@ -103,13 +103,13 @@ class StandIns:
         self._period = period
         self._stop = False
         self._wake = threading.Event()
-        self._alarm = 0.0  # time at which the timer thread wakes, by the monotonic clock
+        self._next_wake = 0.0  # time at which the timer thread wakes, by the monotonic clock
         self._thread = threading.Thread(target=self._run, name=f"simulated drives on {channel}", daemon=True)
         self._lost = 0.0
         self._last = 0.0
         self._error: Exception | None = None
 
-    def __enter__(self) -> StandIns:
+    def __enter__(self) -> SimulatedNetwork:
         self.start()
         return self
 
@@ -153,7 +153,7 @@ class StandIns:
     def behind(self) -> bool:
         """Return whether frames to the nodes are still unread, or the timer thread is late."""
         waiting = getattr(self.network.bus, "queue", None)  # python-can's virtual bus has one
-        overdue = time.monotonic() - self._alarm > self._period
+        overdue = time.monotonic() - self._next_wake > self._period
         return overdue or (waiting is not None and not waiting.empty())
 
     def receive(self, can_id: int, data: bytes, *, remote: bool = False) -> None:
@@ -164,10 +164,10 @@ class StandIns:
                 for node in self.nodes:
                     if node.slave.listens_to(can_id):
                         node.slave.on_frame(can_id, data, now, remote=remote)
-                for guest in self.guests:
-                    guest.on_frame(can_id, data, now, remote=remote)
+                for foreign_node in self.foreign_nodes:
+                    foreign_node.on_frame(can_id, data, now, remote=remote)
                 self._send()
-                if self._next_answer() < self._alarm:
+                if self._next_answer() < self._next_wake:
                     self._wake.set()
         except Exception as error:  # noqa: BLE001  - a thread has no caller: close() raises it
             self._fail(error)
@@ -181,8 +181,8 @@ class StandIns:
                     if stepping:
                         due = max(due + self._period, time.monotonic())
                     self._advance(stepping)
-                    self._alarm = min(due, self._next_answer())
-                self._wake.wait(max(0.0, self._alarm - time.monotonic()))
+                    self._next_wake = min(due, self._next_answer())
+                self._wake.wait(max(0.0, self._next_wake - time.monotonic()))
                 self._wake.clear()
         except Exception as error:  # noqa: BLE001 - as in receive
             self._fail(error)
@@ -195,16 +195,18 @@ class StandIns:
                 node.slave.step(now)
             else:
                 node.slave.serve(now)
-        for guest in self.guests:
+        for foreign_node in self.foreign_nodes:
             if stepping:
-                guest.step(now)
+                foreign_node.step(now)
             else:
-                guest.serve(now)
+                foreign_node.serve(now)
         self._send()
 
     def _next_answer(self) -> float:
         """Return the time of the next pending answer, by the monotonic clock."""
-        due = [node.slave.next_answer for node in self.nodes] + [guest.next_answer for guest in self.guests]
+        due = [node.slave.next_answer for node in self.nodes] + [
+            foreign_node.next_answer for foreign_node in self.foreign_nodes
+        ]
         return min((time for time in due if time is not None), default=math.inf) + self._lost
 
     def _now(self) -> float:
@@ -221,25 +223,25 @@ class StandIns:
             for can_id, data in node.slave.take_frames():
                 self.network.send_message(can_id, data)
                 if node.slave.sync.produces and can_id == node.slave.sync.cob_id:
-                    self._hand_over_sync(node, can_id, data)
-                for guest in self.guests:
-                    guest.on_frame(can_id, data, self._now())
-        for guest in self.guests:
-            for can_id, data in guest.take_frames():
+                    self._pass_sync_to_nodes(node, can_id, data)
+                for foreign_node in self.foreign_nodes:
+                    foreign_node.on_frame(can_id, data, self._now())
+        for foreign_node in self.foreign_nodes:
+            for can_id, data in foreign_node.take_frames():
                 self.network.send_message(can_id, data)
-                self._hand_over(guest, can_id, data)
+                self._pass_to_nodes(foreign_node, can_id, data)
 
-    def _hand_over(self, sender: Guest, can_id: int, data: bytes) -> None:
+    def _pass_to_nodes(self, sender: ForeignNode, can_id: int, data: bytes) -> None:
         """Pass a guest's frame to the other nodes; their answers are sent with their next frames."""
         now = self._now()
         for node in self.nodes:
             if node.slave.listens_to(can_id):
                 node.slave.on_frame(can_id, data, now)
-        for guest in self.guests:
-            if guest.node_id != sender.node_id:
-                guest.on_frame(can_id, data, now)
+        for foreign_node in self.foreign_nodes:
+            if foreign_node.node_id != sender.node_id:
+                foreign_node.on_frame(can_id, data, now)
 
-    def _hand_over_sync(self, producer: StandInNode, can_id: int, data: bytes) -> None:
+    def _pass_sync_to_nodes(self, producer: SimulatedLocalNode, can_id: int, data: bytes) -> None:
         """Pass a node's SYNC to the other nodes on this channel: the adapter does not return it to this process."""
         for node in self.nodes:
             if node is not producer and node.slave.sync.cob_id == can_id:
@@ -274,7 +276,7 @@ class StandIns:
 # Therefore it subscribes to nothing here, and is only used for local access by ``node.sdo[...]`` and as a member of the network.
 
 
-class StandInNode(canopen.LocalNode):
+class SimulatedLocalNode(canopen.LocalNode):
     """One device on a ``canopen.Network``; ``lock`` protects the device against the thread that steps it."""
 
     def __init__(self, device: Device, lock: RLock, slave: Slave | None = None) -> None:

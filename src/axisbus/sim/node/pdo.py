@@ -180,7 +180,7 @@ class Pdo:
         value &= 0xFFFF_FFFF
         if value & _INVALID:
             return
-        if value & _FRAME_BITS or any((value & _ID) in span for span in _RESTRICTED):
+        if value & _FRAME_BITS or any((value & _ID) in id_range for id_range in _RESTRICTED):
             raise Refused(INVALID_VALUE)
         if self.valid and value & _ID != self.cob_id:
             raise Refused(INVALID_VALUE)  # bits 0 to 29 may not change while the PDO exists
@@ -231,10 +231,10 @@ class Pdo:
         found = self._dictionary.entries.get(entry >> 8)
         if found is None:
             raise Refused(NO_SUBINDEX if index in self._dictionary.indices else NO_OBJECT)
-        right_way = found.readable and found.access != "rww" if self.transmit else found.writable
-        right_way = right_way and not (found.access == "rwr" and not self.transmit)
+        access_allows = found.readable and found.access != "rww" if self.transmit else found.writable
+        access_allows = access_allows and not (found.access == "rwr" and not self.transmit)
         size = found.data_type.bits
-        if not found.mappable or not right_way or size is None or bits != size:
+        if not found.mappable or not access_allows or size is None or bits != size:
             raise Refused(CANNOT_MAP)
 
 

@@ -28,7 +28,7 @@ class SdoServer:
         self._dictionary = dictionary
         self._dials = dials
         self._multiplexer = b"\0\0\0"
-        self._heard = 0.0
+        self._last_request = 0.0
         self.reset()
 
     def reset(self) -> None:
@@ -44,9 +44,9 @@ class SdoServer:
         """Return the answers to an 8-byte frame received at ``now`` (seconds): usually one, in a block transfer none or many."""
         if len(data) != 8:
             return []
-        if now - self._heard > BLOCK_PATIENCE:
+        if now - self._last_request > BLOCK_PATIENCE:
             self._block_down = self._block_up = None
-        self._heard = now
+        self._last_request = now
         try:
             return self._answer(data)
         except (_Abort, BlockAbort, SdoAbort) as abort:
@@ -88,7 +88,7 @@ class SdoServer:
 
     def _start_upload(self) -> bytes:
         index, subindex = self._object
-        self._forced(index, subindex, writing=False)
+        self._require_accepted(index, subindex, writing=False)
         data = self._dictionary.upload(index, subindex)
         if 0 < len(data) <= 4:
             return bytes([0x43 | (4 - len(data)) << 2]) + self._multiplexer + data.ljust(4, b"\0")
@@ -106,7 +106,7 @@ class SdoServer:
 
     def _start_block_upload(self, request: bytes) -> bytes:
         index, subindex = self._object
-        self._forced(index, subindex, writing=False)
+        self._require_accepted(index, subindex, writing=False)
         data = self._dictionary.upload(index, subindex)
         if len(data) <= request[5]:
             return self._start_upload()
@@ -123,8 +123,8 @@ class SdoServer:
 
     def _start_block_download(self, request: bytes) -> bytes:
         index, subindex = self._object
-        self._forced(index, subindex, writing=True)
-        self._dictionary.admit(index, subindex)
+        self._require_accepted(index, subindex, writing=True)
+        self._dictionary.require_writable(index, subindex)
         announced = int.from_bytes(request[4:8], "little") if request[0] & 2 else None
         checksum = self._dials.sdo_checksum
         self._block_down = BlockDownload(self._dials, announced, checksum and bool(request[0] & 4))
@@ -143,12 +143,12 @@ class SdoServer:
 
     def _start_download(self, request: bytes) -> bytes:
         index, subindex = self._object
-        self._forced(index, subindex, writing=True)
+        self._require_accepted(index, subindex, writing=True)
         expedited, sized = request[0] & 0x02, request[0] & 0x01
         if expedited:
             self._dictionary.download(index, subindex, self._expedited_data(request))
         else:
-            self._dictionary.admit(index, subindex)
+            self._dictionary.require_writable(index, subindex)
             self._download = bytearray()
             self._announced = int.from_bytes(request[4:8], "little") if sized else None
         return b"\x60" + self._multiplexer + bytes(4)
@@ -177,7 +177,7 @@ class SdoServer:
             raise _Abort(TOGGLE)
         self._toggle ^= 0x10
 
-    def _forced(self, index: int, subindex: int, *, writing: bool) -> None:
+    def _require_accepted(self, index: int, subindex: int, *, writing: bool) -> None:
         """Reject the request if a fault setting requires that."""
         code = self._dials.refusal(index, subindex, writing=writing)
         if code is not None:
@@ -261,7 +261,7 @@ class BlockDownload:
         self._checksum = checksum
         self._segments: list[bytes] = []
         self._size = _checked(dials.sdo_block_size)
-        self._came = 0  # segments in order, in this sub-block
+        self._received = 0  # segments in order, in this sub-block
         self._whole = False
         self.data: bytes | None = None  # the data to write, after the client's end
 
@@ -270,15 +270,15 @@ class BlockDownload:
         if self._whole:
             return self._end(frame)
         number, last = frame[0] & 0x7F, frame[0] >= 0x80
-        if number == self._came + 1:
-            self._came = number
+        if number == self._received + 1:
+            self._received = number
             self._segments.append(frame[1:8])
             self._whole = last
         if not last and number != self._size:
             return []
-        came, self._came = self._came, 0
+        received, self._received = self._received, 0
         self._size = _checked(self._dials.sdo_block_size)
-        return [bytes([0xA2, came, self._size, 0, 0, 0, 0, 0])]
+        return [bytes([0xA2, received, self._size, 0, 0, 0, 0, 0])]
 
     def _end(self, frame: bytes) -> Answer:
         if frame[0] & 0b1110_0011 != 0b1100_0001:

@@ -20,7 +20,7 @@ from axisbus.sim.drive import Drive
 from axisbus.sim.node.pdo import Pdo, apply
 from axisbus.sim.node.sdo import SdoServer
 from axisbus.sim.node.synchronising import SyncService
-from axisbus.sim.settings import AXIS_SPAN, place
+from axisbus.sim.settings import AXIS_SPAN, object_key
 
 Frame = tuple[int, bytes]
 _HEARTBEAT = 0x700
@@ -59,15 +59,17 @@ class Slave:
         self._requests: deque[tuple[float, int, bytes]] = deque()  # when due, SDO channel, frame
         self._pending: dict[int, tuple[Pdo, bytes]] = {}  # RPDOs that wait for SYNC
         self._sent: dict[int, TransmitState] = {}
-        self._heard: dict[int, float] = {}  # RPDO number: time of receipt
+        self._last_received: dict[int, float] = {}  # RPDO number: time of receipt
         self._late: set[int] = set()
         self._routes: dict[int, Callable[[bytes, float], None]] = {}
         self._timed: list[Pdo] = []  # RPDOs with a deadline
         self._cyclic: list[Pdo] = []  # valid TPDOs by how they are sent
         self._events: list[Pdo] = []
         self._requested: list[Pdo] = []
-        self._showing: dict[int, list[Drive]] = {}  # by TPDO number: the drives whose statusword it contains
-        self._answering: dict[int, Pdo] = {}  # TPDOs that answer remote frames, by COB-ID
+        self._statusword_drives: dict[
+            int, list[Drive]
+        ] = {}  # by TPDO number: the drives whose statusword it contains
+        self._remote_requestable: dict[int, Pdo] = {}  # TPDOs that answer remote frames, by COB-ID
         self.sync = SyncService(device)
         self.time_of_day: tuple[int, int] | None = (
             None  # milliseconds since midnight, days since 1984, as received by TIME
@@ -85,7 +87,7 @@ class Slave:
 
     def listens_to(self, can_id: int) -> bool:
         """Whether the node processes frames with this identifier."""
-        known = can_id in self._routes or can_id in self._answering
+        known = can_id in self._routes or can_id in self._remote_requestable
         return known or _HEARTBEAT < can_id <= _HEARTBEAT + 127 or can_id == _LSS_REQUEST
 
     @property
@@ -103,7 +105,7 @@ class Slave:
         device = self.device
         if device.silent:
             return
-        if can_id == _LSS_REQUEST and not remote and device.hears_lss:
+        if can_id == _LSS_REQUEST and not remote and device.accepts_lss:
             device.lss_request(bytes(data), now)
             self._answer_lss(now)
             self._after(now)
@@ -114,7 +116,7 @@ class Slave:
             self._on_remote(can_id, now)
             return
         if _HEARTBEAT < can_id <= _HEARTBEAT + 127:
-            device.heartbeat_of(can_id - _HEARTBEAT)
+            device.receive_heartbeat(can_id - _HEARTBEAT)
             return
         handler = self._routes.get(can_id)
         if handler is not None:
@@ -130,7 +132,7 @@ class Slave:
         if device.silent:
             device.errors.take()
             for drive in device.drives:
-                drive.power.send_no_more()
+                drive.power.stop_waiting_for_tpdos()
             self._version = -1  # so that the drives wait for their TPDOs again when it is back
             return
         if device.lss.busy:
@@ -166,7 +168,7 @@ class Slave:
         self._index_routes()  # its node-ID may be another one
         self._sent.clear()
         self._pending.clear()
-        self._heard.clear()
+        self._last_received.clear()
         self._late.clear()
         if self._nmt in (NmtState.STOPPED, NmtState.INITIALISING):
             self._requests.clear()
@@ -192,21 +194,21 @@ class Slave:
         self._cyclic = [pdo for pdo in sent if pdo.synchronous]
         self._events = [pdo for pdo in sent if not pdo.synchronous and not pdo.on_request]
         self._requested = [pdo for pdo in sent if pdo.on_request]
-        self._answering = {pdo.cob_id: pdo for pdo in sent if pdo.rtr}
+        self._remote_requestable = {pdo.cob_id: pdo for pdo in sent if pdo.rtr}
         if self.on_routes is not None:
             self.on_routes()
         self._index_statuswords(sent)
 
     def _index_statuswords(self, sent: list[Pdo]) -> None:
         """Find the TPDOs that contain the statusword of each drive; a periodic one must have sent a state twice."""
-        self._showing = {pdo.number: [] for pdo in sent}
+        self._statusword_drives = {pdo.number: [] for pdo in sent}
         for drive in self.device.drives:
-            key = place(self.device.dictionary, 0x6041 + drive.axis_number * AXIS_SPAN)
-            drive.power.send_no_more()
+            key = object_key(self.device.dictionary, 0x6041 + drive.axis_number * AXIS_SPAN)
+            drive.power.stop_waiting_for_tpdos()
             for pdo in sent:
                 if not any(field.key == key for field in pdo.fields):
                     continue
-                self._showing[pdo.number].append(drive)
+                self._statusword_drives[pdo.number].append(drive)
                 repeats = 1 <= pdo.transmission_type <= 240 or (not pdo.on_request and pdo.event_timer > 0.0)
                 if repeats and self.device.operational:
                     drive.power.to_be_sent[pdo.number] = _SIGHTINGS
@@ -244,7 +246,7 @@ class Slave:
 
     def _on_remote(self, can_id: int, now: float) -> None:
         device = self.device
-        pdo = self._answering.get(can_id) if device.operational else None
+        pdo = self._remote_requestable.get(can_id) if device.operational else None
         if pdo is not None:
             state = self._sent.setdefault(pdo.number, TransmitState())
             data = state.sampled if pdo.transmission_type == 252 else pdo.pack()
@@ -261,23 +263,23 @@ class Slave:
     # SDO.
 
     @property
-    def waits(self) -> bool:
+    def has_requests(self) -> bool:
         """Whether SDO requests wait for their answers."""
         return bool(self._requests)
 
     @property
     def next_answer(self) -> float | None:
         """Time at which the next SDO answer is due; None if none is pending, or the node is not running."""
-        return self._requests[0][0] if self._requests and self._is_there else None
+        return self._requests[0][0] if self._requests and self._is_running else None
 
     def serve(self, now: float) -> None:
         """Answer the SDO requests that are due at ``now``."""
-        while self._requests and self._is_there and now >= self._requests[0][0]:
+        while self._requests and self._is_running and now >= self._requests[0][0]:
             _, number, data = self._requests.popleft()
             self._answer(number, data, now)
 
     @property
-    def _is_there(self) -> bool:
+    def _is_running(self) -> bool:
         return not self.device.silent and self.device.nmt is not NmtState.INITIALISING
 
     def _forget_routes(self, _value: int) -> None:
@@ -299,7 +301,7 @@ class Slave:
     def _on_sdo(self, number: int, data: bytes, now: float) -> None:
         device = self.device
         dials = device.dials
-        if device.nmt is NmtState.STOPPED or dials.sdo_silent or device.deaf or dials.sdo_loses():
+        if device.nmt is NmtState.STOPPED or dials.sdo_silent or device.deaf or dials.is_sdo_frame_lost():
             return
         if dials.sdo_delay <= 0.0 and not self._requests:
             self._answer(number, data, now)
@@ -309,7 +311,7 @@ class Slave:
     def _answer(self, number: int, data: bytes, now: float) -> None:
         ids = self._sdo_ids(number)
         for answer in self._servers[number].request(data, now):
-            if ids is not None and not self.device.dials.sdo_loses():
+            if ids is not None and not self.device.dials.is_sdo_frame_lost():
                 self._frames.append((ids[1], answer))
 
     # PDO and SYNC.
@@ -324,7 +326,7 @@ class Slave:
         if len(data) < pdo.size:
             device.errors.report(-1, _SHORT_PDO)
             return
-        self._heard[pdo.number] = now
+        self._last_received[pdo.number] = now
         if pdo.number in self._late:
             self._late.discard(pdo.number)
             device.communication_restored()
@@ -386,7 +388,7 @@ class Slave:
 
     def _send(self, pdo: Pdo, state: TransmitState, data: bytes, now: float) -> None:
         state.last, state.stamp = data, now
-        for drive in self._showing[pdo.number]:
+        for drive in self._statusword_drives[pdo.number]:
             drive.power.sent(pdo.number)
         if pdo.number + 1 not in self.device.dials.tpdos_stop:
             self._frames.append((pdo.cob_id, data))
@@ -396,7 +398,7 @@ class Slave:
         if not self.device.operational:
             return
         for pdo in self._timed:
-            stamp = self._heard.get(pdo.number)
+            stamp = self._last_received.get(pdo.number)
             if stamp is None or pdo.number in self._late:
                 continue
             if now - stamp > pdo.event_timer:

@@ -170,7 +170,7 @@ def write_samples(
         UserError: the package mcap is not installed.
         OSError: the file cannot be written.
     """
-    known = facts_of(machine.cell, simulated=machine.is_simulated, degree=machine.real_time_status)
+    known = facts_of(machine.cell, simulated=machine.is_simulated, real_time_status=machine.real_time_status)
     offset = time.time_ns() - round(time.monotonic() * _NANO)
     writer = McapWriter(path, {**known, **facts}, times[0], _CHUNK, offset)
     try:

@@ -94,7 +94,7 @@ def open_cell(stage: Stage, recipe: CellRecipe) -> DrawnCell:
         gain = cell.drive("a").axis.motor.params.rated_acceleration / 1000.0
         stiff = min(_SOFT_BEAM * 100.0 / recipe.axes[0].increments, _STIFFEST / gain)
         tied(cell.device("a"), cell.device("b"), stiff, 0.02 * stiff)
-        cell.device("b").ties.append(cell.note_pull)
+        cell.device("b").step_hooks.append(cell.note_pull)
     _bring_up(cell)
     return cell
 

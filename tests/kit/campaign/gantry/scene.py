@@ -31,7 +31,7 @@ class PairCell(Cell):
         self.pushes = dict.fromkeys(AXES, 0.0)
         self.pulled = dict.fromkeys(AXES, -math.inf)
         tied(self.device("x"), self.device("y"), stiff, 0.02 * stiff)
-        self.device("y").ties.append(self._push)
+        self.device("y").step_hooks.append(self._push)
 
     @property
     def gantry(self) -> Gantry:

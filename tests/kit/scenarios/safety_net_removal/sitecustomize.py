@@ -29,12 +29,12 @@ def _cut(name: str) -> None:
     elif name == "the core's eye on the process of its program":
         server.CoreServer.watch = _nothing  # type: ignore[method-assign]
     elif name == "the eyes on the program's descriptors":
-        stream.MessageStream.look = _nothing  # type: ignore[method-assign]
+        stream.MessageStream.watch_for_loss = _nothing  # type: ignore[method-assign]
         own_socket.FarEnd.lost = False  # type: ignore[method-assign,assignment]
     elif name == "the core's check of its watchdog process":
         server.CoreServer._monitor_watchdog = _nothing  # type: ignore[method-assign]
     elif name == "the core's ear for its program":
-        signal_forwarding.SignalForwarder.look = _nothing  # type: ignore[method-assign,assignment]
+        signal_forwarding.SignalForwarder.poll = _nothing  # type: ignore[method-assign,assignment]
     elif name == "the rescue":
         rescue.CrashStop.rescue = _nothing  # type: ignore[method-assign]
     elif name == "the watchdog process's patience":

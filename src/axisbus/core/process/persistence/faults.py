@@ -34,7 +34,7 @@ from axisbus.session import MachineSession
 
 log = logging.getLogger("axisbus")
 _BEFORE, _AFTER = 1.5, 1.0  # seconds
-_MOST = 20  # files of a cell
+_MAX_FILES = 20  # files of a cell
 _PATIENCE = 3.0  # seconds that leaving waits for the last of them
 _NANO = 1_000_000_000
 
@@ -49,17 +49,17 @@ class Faults:
         cell: CellConfig,
         session: MachineSession,
         nodes: Mapping[int, NodeParts],
-        outlet: Publisher,
+        publisher: Publisher,
         reader: ImageReader,
-        degree: str,
+        real_time_status: str,
     ) -> None:
-        """``reader`` reads the images of ``outlet``; ``degree`` as ``Machine.real_time_status``."""
+        """``reader`` reads the images of ``publisher``; ``real_time_status`` as ``Machine.real_time_status``."""
         self.cell = cell
         self.session = session
         self._nodes = nodes
-        self._outlet = outlet
+        self._publisher = publisher
         self._reader = reader
-        self._degree = degree
+        self._real_time_status = real_time_status
         self._ring: deque[tuple[float, bytes]] = deque(
             maxlen=int((_BEFORE + _AFTER) / cell.bus.scan_period) + 1
         )
@@ -71,9 +71,9 @@ class Faults:
 
     def after_cycle(self, now: float, _: Mapping[str, Snapshot]) -> None:
         """Store the image of this cycle, and check whether an axis has entered ErrorStop; does not block."""
-        outlet = self._outlet
-        self._ring.append((now, outlet.newest))
-        faulty = outlet.faulty
+        publisher = self._publisher
+        self._ring.append((now, publisher.newest))
+        faulty = publisher.faulty
         if faulty != self._faulty:
             if self._until is None and faulty - self._faulty:
                 self._until = now + _AFTER
@@ -99,13 +99,13 @@ class Faults:
     def _run(self) -> None:
         while (images := self._work.get()) is not None:
             try:
-                self._keep(images)
+                self._store(images)
             except Exception as error:  # noqa: BLE001  # usually a full disk: the next recording is tried again
                 log.warning("the motion of the axes around a fault was not stored: %s", error)
 
-    def _keep(self, images: Images) -> None:
-        there = self.session.axes
-        forms = {name: AxisForm.of(facts.parameters) for name, facts in there.items()}
+    def _store(self, images: Images) -> None:
+        axis_facts = self.session.axes
+        forms = {name: AxisForm.of(facts.parameters) for name, facts in axis_facts.items()}
         row = RowForm(len(forms))
         rows = bytearray()
         for now, data in images:
@@ -118,13 +118,15 @@ class Faults:
             "began_monotonic_ns": str(round(began * _NANO)),
             "began_ns": str(round(began * _NANO) + offset),
         }
-        facts = facts_of(self.cell, simulated=self.cell.bus.interface == SIMULATED, degree=self._degree)
+        facts = facts_of(
+            self.cell, simulated=self.cell.bus.interface == SIMULATED, real_time_status=self._real_time_status
+        )
         path = self._free_path()
         fault_file.write(
             path, forms, bytes(rows), RecordingEventSource(self).take(began), {**facts, **clocks}
         )
         log.info("the motion of the axes around a fault is in %s", path)
-        for old in faults_of(self.cell_path)[:-_MOST]:
+        for old in faults_of(self.cell_path)[:-_MAX_FILES]:
             old.unlink(missing_ok=True)
 
     @property
@@ -141,7 +143,7 @@ class Faults:
 
 
 class _Node:
-    """The events of a node (``record.events.OfNode``)."""
+    """The events of a node (``record.events.NodeEventAccess``)."""
 
     def __init__(self, parts: NodeParts) -> None:
         self._parts = parts

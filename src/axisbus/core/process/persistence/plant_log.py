@@ -14,7 +14,7 @@ from axisbus.sim.drive import Drive
 from axisbus.sim.io import IoModule
 
 COLUMNS = ("time", "node", "axis", "position", "velocity", "stage", "outputs")
-_BEGINS = ",".join(COLUMNS[:5]).encode()
+_HEADER_BEGIN = ",".join(COLUMNS[:5]).encode()
 
 _KEY = "history"
 
@@ -30,13 +30,13 @@ def history_path(cell: CellConfig) -> Path | None:
         return None
     path = cell.folder / name
     try:
-        with path.open("rb") as there:
-            head = there.read(len(_BEGINS)) if path.is_file() else b""
+        with path.open("rb") as file:
+            head = file.read(len(_HEADER_BEGIN)) if path.is_file() else b""
     except FileNotFoundError:
         return path
     except OSError as error:
         raise _not_written(cell, path, one_line(error)) from error
-    if head not in (b"", _BEGINS):
+    if head not in (b"", _HEADER_BEGIN):
         raise _not_written(cell, path, "it exists already, and is not a history of simulated drives")
     return path
 
@@ -57,9 +57,9 @@ class PlantLog:
     module the stage is the state of its axis: 1 is idle, 8 closed loop.
     """
 
-    def __init__(self, path: Path, stand_ins: Mapping[int, SimulatedNode]) -> None:
+    def __init__(self, path: Path, simulated_nodes: Mapping[int, SimulatedNode]) -> None:
         """``path`` is replaced (see ``history_path``)."""
-        self._stand_ins = stand_ins
+        self._simulated_nodes = simulated_nodes
         self._file = path.open("w", encoding="utf-8", newline="\n", buffering=1)
         self._file.write(",".join(COLUMNS) + "\n")
 
@@ -73,28 +73,29 @@ class PlantLog:
 
     def note(self) -> None:
         """Write a line for each motor and each module."""
-        for node_id, stand_in in self._stand_ins.items():
-            with stand_in.lock:
-                began = f"{time.monotonic():.4f},{node_id}"
-                own = stand_in.history()
-                if own is not None:
-                    position, velocity, stage = own
-                    self._file.write(f"{began},1,{position:.1f},{velocity:.1f},{stage},\n")
+        for node_id, simulated_node in self._simulated_nodes.items():
+            with simulated_node.lock:
+                line_start = f"{time.monotonic():.4f},{node_id}"
+                history_values = simulated_node.history()
+                if history_values is not None:
+                    position, velocity, stage = history_values
+                    self._file.write(f"{line_start},1,{position:.1f},{velocity:.1f},{stage},\n")
                     continue
-                device = stand_in.device
+                device = simulated_node.device
                 lines = [
-                    _of_motor(began, number, drive) for number, drive in enumerate(device.drives, start=1)
+                    _of_motor(line_start, number, drive)
+                    for number, drive in enumerate(device.drives, start=1)
                 ]
                 if not lines:
-                    lines = [_of_module(began, device.io)]
+                    lines = [_of_module(line_start, device.io)]
             self._file.writelines(lines)
 
 
-def _of_motor(began: str, number: int, drive: Drive) -> str:
+def _of_motor(line_start: str, number: int, drive: Drive) -> str:
     motor = drive.axis.motor
-    return f"{began},{number},{motor.position:.1f},{motor.velocity:.1f},{int(drive.power.stage)},\n"
+    return f"{line_start},{number},{motor.position:.1f},{motor.velocity:.1f},{int(drive.power.stage)},\n"
 
 
-def _of_module(began: str, io: IoModule) -> str:
+def _of_module(line_start: str, io: IoModule) -> str:
     outputs = " ".join(f"{index:04X}h:{sub:02X}={value}" for (index, sub), value in io.outputs.items())
-    return f"{began},,,,,{outputs}\n"
+    return f"{line_start},,,,,{outputs}\n"

@@ -76,7 +76,7 @@ class ModuleBoot:
         Blocks for about a second, and for up to ``find_time`` if no module answers.
         """
         try:
-            with self._channel.overheard(self._listening.hear):
+            with self._channel.frames_to(self._listening.hear):
                 self._hear()
                 self._ask()
             self._tell()

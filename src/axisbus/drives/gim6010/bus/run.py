@@ -50,7 +50,7 @@ def run(channel: Channel, dialogue: ModuleProcedure, report: Callable[[], None] 
     require_other_thread(channel, "a dialogue with modules")
     heard: deque[CanFrame] = deque()
     watch = _Watch(channel)
-    with channel.overheard(heard.append):
+    with channel.frames_to(heard.append):
         while not dialogue.done:
             while heard:
                 dialogue.note(heard.popleft())

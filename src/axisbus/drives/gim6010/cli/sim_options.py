@@ -99,7 +99,7 @@ OPTIONS = (
         CanSimple(),
         "In addition, a GIM6010-8 that speaks CAN Simple, with this node ID (0 to 63) and firmware; repeat it for more.",
         "From firmware 0.6.8 on, such a module only sends heartbeats in its 29-bit protocol.",
-        guests=modules,
+        foreign_nodes=modules,
         text=told,
     ),
     SimOption(

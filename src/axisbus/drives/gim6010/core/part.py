@@ -25,7 +25,7 @@ from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cia402.port import Capabilities, Inputs, Outputs, Port
 from axisbus.core.node_access_parts import NodeParts
-from axisbus.core.other_protocols import CorePart, SimulatedGuest
+from axisbus.core.other_protocols import CorePart, SimulatedForeignNode
 from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.drives.gim6010.boot.module import ModuleBoot
 from axisbus.drives.gim6010.bus.run import frames_of
@@ -55,7 +55,7 @@ class ModuleSender:
         self.port = ModulePort(settings)
         self.node = ModuleNode(self.port)
         self._restarts = 0
-        self._offs = channel.offs
+        self._bus_off_count = channel.bus_off_count
         self._channel = channel
         self._heard: deque[CanFrame] = deque(maxlen=_KEPT)
         self._listening = ExitStack()
@@ -124,10 +124,10 @@ class ModuleSender:
 
     def _bus_off(self) -> BusError | None:
         """Return the reason of a bus-off, at least once for each bus-off, however short it was."""
-        offs, self._offs = self._offs, self._channel.offs
-        if self._channel.off is None and offs == self._offs:
+        bus_off_count, self._bus_off_count = self._bus_off_count, self._channel.bus_off_count
+        if self._channel.off is None and bus_off_count == self._bus_off_count:
             return None
-        return self._channel.off or self._channel.last_off
+        return self._channel.off or self._channel.last_bus_off
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -276,10 +276,12 @@ class ModuleStandIn(SimulatedNode):
             self.module.dials.motor_error = maker_bits or code
 
 
-def simulated_modules(cell: CellConfig) -> dict[int, SimulatedGuest]:
+def simulated_modules(cell: CellConfig) -> dict[int, SimulatedForeignNode]:
     """Make the modules of a cell, with their settings in the cell file; raises as ``settings_of``."""
     made = {node_id: _module(cell, node_id) for node_id in modules_of(cell)}
-    return {node_id: SimulatedGuest(each, partial(ModuleStandIn, each)) for node_id, each in made.items()}
+    return {
+        node_id: SimulatedForeignNode(each, partial(ModuleStandIn, each)) for node_id, each in made.items()
+    }
 
 
 def _module(cell: CellConfig, node_id: int) -> Module:

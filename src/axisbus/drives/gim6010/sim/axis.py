@@ -22,7 +22,7 @@ from axisbus.drives.gim6010.sim.constants import (
     SystemWord,
 )
 from axisbus.drives.gim6010.sim.controller import Controller
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.parameters import CALIBRATED, Parameters
 from axisbus.drives.gim6010.sim.shaft import Shaft
 
@@ -41,7 +41,7 @@ _RESISTANCE = 0.25  # ohm: resistance that causes the heat loss
 class ModuleAxis:
     """State, error words and timers."""
 
-    def __init__(self, shaft: Shaft, parameters: Parameters, dials: ModuleDials, firmware: Firmware) -> None:
+    def __init__(self, shaft: Shaft, parameters: Parameters, dials: ModuleFaults, firmware: Firmware) -> None:
         self.shaft = shaft
         self.controller = Controller(shaft, parameters, dials)
         self._parameters = parameters

@@ -21,7 +21,7 @@ from axisbus.drives.gim6010.sim.constants import (
     InputMode,
     MotorError,
 )
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.parameters import Parameters
 from axisbus.drives.gim6010.sim.shaft import Shaft
 from axisbus.sim.ramp import Profile, plan_move, slope
@@ -42,7 +42,7 @@ _WELL = AxisError(0), MotorError(0), ControllerError(0)
 class Controller:
     """Inputs, set-points and the active profile."""
 
-    def __init__(self, shaft: Shaft, parameters: Parameters, dials: ModuleDials) -> None:
+    def __init__(self, shaft: Shaft, parameters: Parameters, dials: ModuleFaults) -> None:
         self._shaft = shaft
         self._parameters = parameters
         self._dials = dials

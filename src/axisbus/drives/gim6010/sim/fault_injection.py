@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(slots=True)
-class ModuleDials:
+class ModuleFaults:
     """Fault settings of one module; the defaults are the manual's, or two owners' measurements if these differ.
 
     ``dead``: neither sends nor receives. ``blocked``: the rotor is held. ``bus_voltage`` in V, ``temperature`` of the drive board

@@ -18,7 +18,7 @@ from typing import Any
 
 from axisbus.drives.gim6010.sim.axis import ModuleAxis
 from axisbus.drives.gim6010.sim.constants import EXTENDED, FACTORY, AxisState, Firmware, Protocol
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.parameters import Endpoints, Parameters, Value, list_of, rows
 from axisbus.drives.gim6010.sim.protocol import CanSimpleServer, Frame
 from axisbus.drives.gim6010.sim.shaft import Shaft
@@ -43,7 +43,7 @@ class Module:
         *,
         firmware: Firmware = FACTORY,
         params: MotorParams | None = None,
-        dials: ModuleDials | None = None,
+        dials: ModuleFaults | None = None,
         eds: Eds | None = None,
         serial: int = 0x3936_3232_3334,
         **parameters: Value,
@@ -55,7 +55,7 @@ class Module:
         """
         if firmware >= EXTENDED:
             parameters.setdefault("protocol", Protocol.EXTENDED)
-        self.dials = dials or ModuleDials()
+        self.dials = dials or ModuleFaults()
         self.firmware = firmware
         self.parameters = Parameters(node_id=node_id, serial_number=serial, **parameters)
         self.motor = make_motor(params or (MotorParams() if eds is None else motor_from_eds(eds)))

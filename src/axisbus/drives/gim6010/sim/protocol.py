@@ -28,7 +28,7 @@ from axisbus.drives.gim6010.sim.constants import (
     Firmware,
     InputMode,
 )
-from axisbus.drives.gim6010.sim.fault_injection import ModuleDials
+from axisbus.drives.gim6010.sim.fault_injection import ModuleFaults
 from axisbus.drives.gim6010.sim.parameters import Endpoints, Parameters
 
 Frame = tuple[int, bytes]
@@ -71,7 +71,7 @@ class CanSimpleServer:
         axis: ModuleAxis,
         parameters: Parameters,
         endpoints: Endpoints,
-        dials: ModuleDials,
+        dials: ModuleFaults,
         firmware: Firmware,
     ) -> None:
         self._axis = axis
@@ -297,7 +297,7 @@ def _wrapped(value: int) -> int:
 # -- The heartbeat in its three layouts (manual 4.1.2) -----------------------------------------------------------------
 
 
-def heartbeat(axis: ModuleAxis, firmware: Firmware, dials: ModuleDials, life: int) -> bytes:
+def heartbeat(axis: ModuleAxis, firmware: Firmware, dials: ModuleFaults, life: int) -> bytes:
     """Return the 8 bytes of a heartbeat; ``life`` is the life counter."""
     head = int(axis.error).to_bytes(4, "little") + bytes([axis.state & 0xFF])
     faults = [bool(axis.motor_error), bool(axis.encoder_error), bool(axis.controller_error)]

@@ -80,7 +80,7 @@ class Shaft:
 
     def seize(self) -> float:
         """Begin to track from the motor's position; return the matching demand, in turns as the estimate counts."""
-        return self.motor.seize() / self.counts - self.origin
+        return self.motor.restart_tracking() / self.counts - self.origin
 
     def rewind(self, velocity: float) -> float:
         """Discard the accumulated error of a blocked motor; return the matching demand for a velocity in turns/s."""

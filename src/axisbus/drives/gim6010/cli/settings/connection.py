@@ -74,7 +74,7 @@ def set_bitrate_command(asked: ModuleSelection, rate: int) -> int:
     node = require_node(asked.node)
     finder, found = survey(asked.line)
     node_id_preconditions.require_one(finder, found, node)
-    node_id_preconditions.require_alone(finder, found, node)
+    node_id_preconditions.require_no_other_master(finder, found, node)
 
     def act(module: ModuleParameters) -> None:
         if module.read(BIT_RATE) == rate:

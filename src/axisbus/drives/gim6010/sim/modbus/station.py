@@ -66,12 +66,12 @@ class Station:
         node_id: int = 1,
         *,
         module: Module | None = None,
-        dials: LineDials | None = None,
+        dials: StationFaults | None = None,
         firmware: Firmware = FACTORY,
     ) -> None:
         """``module``: an existing module, with its motor, whose interface must be RS485; by default a new one."""
         self.module = module or Module(node_id, firmware=firmware, comm_intf_mux=_RS485)
-        self.dials = dials or LineDials()
+        self.dials = dials or StationFaults()
         self.frames: list[bytes] = []
         self._frames = Frames()
         self._answers: list[tuple[float, bytes]] = []
@@ -250,8 +250,8 @@ class Station:
 
 
 @dataclass(slots=True)
-class LineDials:
-    """Fault settings of one module on the line; those of the module itself are its ``ModuleDials``.
+class StationFaults:
+    """Fault settings of one module on the line; those of the module itself are its ``ModuleFaults``.
 
     ``silent``: so many requests (-1: all) are executed but not answered; ``deaf``: so many are not even executed.
     ``wrong_checksum``: so many answers have a wrong checksum. ``delay`` in s: of each answer. ``late``: by number of a request,
