@@ -50,7 +50,7 @@ def pytest_sessionfinish(session: pytest.Session) -> None:
     """Report the golden messages that this process has used to the process that distributes the tests."""
     output = getattr(session.config, "workeroutput", None)
     if output is not None:
-        whole = scenario_golden.whole(session) or scenario_golden.half(session)
+        whole = scenario_golden.whole(session) or scenario_golden.part(session)
         output["golden"] = sorted(scenario_golden.USED), sorted(scenario_golden.kept()) if whole else []
 
 
