@@ -47,6 +47,21 @@ def test_opening_a_machine_leaves_the_module_without_power_and_reports_its_firmw
     assert cell.node(MODULE).nmt is NmtState.OPERATIONAL
 
 
+def test_missing_heartbeats_are_events_of_the_node_and_of_a_recording(tmp_path, cell, module):
+    pytest.importorskip("mcap.reader")
+    assert cell.node(MODULE).pdo_events == ()
+    with cell.recording(tmp_path / "run.mcap"):
+        module.dials.heartbeat_stops = True
+        cell.sleep(0.1)
+        module.dials.heartbeat_stops = False
+        cell.sleep(0.3)
+    (event,) = cell.node(MODULE).pdo_events
+    assert "Heartbeat" in str(event)
+    assert "comes again after" in str(event)
+    assert [one.text for one in load(tmp_path / "run.mcap").events if one.sort == "pdo"] == [str(event)]
+    assert cell.node(MODULE).events == []
+
+
 def test_a_line_of_all_is_recorded_with_its_fault_and_its_reset(tmp_path, cell, module):
     pytest.importorskip("mcap.reader")
     up(cell)

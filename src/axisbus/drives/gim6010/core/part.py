@@ -16,7 +16,6 @@ from typing import Any, NoReturn
 from axisbus.boot.report import Booted
 from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvents
-from axisbus.bus.pdo.tpdo_timeout import PdoEvent
 from axisbus.cell.model import CellConfig
 from axisbus.cell.other_protocols import objects_refused
 from axisbus.cia301.datatypes import Value
@@ -172,7 +171,7 @@ class ModuleNode:
         self.node_id = port.settings.node
         self.nmt = port.hearing
         self.emcy = EmcyLog()
-        self.pdo_events: list[PdoEvent] = []  # it has no PDOs
+        self.pdo_events = port.hearing.missing  # of its messages: it has no PDOs
 
     def command(self, command: NmtCommand, timeout: float = 2.0) -> None:  # noqa: ARG002
         """Refuse; raises StateError."""

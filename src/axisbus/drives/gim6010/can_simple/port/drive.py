@@ -159,8 +159,7 @@ class ModuleDrive:
 
     def _start(self) -> None:
         """Send limits, inputs that cause no motion and a mode that holds; then request closed loop."""
-        hearing = self._hearing
-        hearing.trust()
+        self._hearing.trust()
         self._lead.forget()
         if self._settings.relayed:
             self._prepare_by_line()
@@ -169,11 +168,6 @@ class ModuleDrive:
             self._lead.use(TRAPEZOID)
             self._flush()
         self.frames.append(self._orders.closed_loop())
-        if self._stage.refused == 1:
-            hearing.tell(
-                self._now,
-                "was commanded to closed loop, and its heartbeat reports another state: the command is repeated",
-            )
 
     def _prepare_by_line(self) -> None:
         """Send the mode first: a relay takes the frame of velocity control for a stop, and discards all frames before a stop."""

@@ -9,24 +9,27 @@ When a silent module returns, its life counter shows whether it has restarted: t
 heartbeats that fit into the silence. If it has not, or if there is no counter, the module has restarted: its positions start from a
 new zero, and its settings are the saved ones. A counter that has advanced by less is accepted: those are heartbeats which this
 computer received late.
+
+Heartbeats that were not received, and messages that the firmware does not answer, are events as those of TPDOs are (``PdoEvent``).
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 
+from axisbus.bus.pdo.tpdo_timeout import HISTORY, PdoEvent, Reception
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.nmt import NmtState
 from axisbus.drives.gim6010.can_simple import codec, heartbeat
 from axisbus.drives.gim6010.can_simple.codec import DecodedMessage, Outgoing, Unexpected
 from axisbus.drives.gim6010.can_simple.error_query import GET_ERROR
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats
-from axisbus.drives.gim6010.can_simple.identifier import split
+from axisbus.drives.gim6010.can_simple.identifier import can_id, split
 from axisbus.drives.gim6010.can_simple.messages import CLOSED_LOOP, named
 from axisbus.drives.gim6010.can_simple.port.error_words import WAIT, ModuleErrors
 from axisbus.drives.gim6010.can_simple.port.rotor_position import RotorPosition
 from axisbus.drives.gim6010.can_simple.port.settings import ModuleSettings
-from axisbus.wording import counted
 
 _LOST = 3.0  # periods of the heartbeat
 _SLACK = 1.0  # heartbeats by which a life counter may be off after a silence, plus a tenth of the heartbeats due in that time
@@ -35,11 +38,10 @@ CURRENT_EVERY = 0.02  # s at least between two requests for the current
 _COUNTS = 0.008  # s at least between two requests for the encoder's counts
 SELDOM = 0.1  # s between two requests for values that are only compared or displayed
 _LATE = 1.5  # scan periods without an unasked estimate, after which it is requested
-_NEWS = 64  # events that are stored until a caller reads them
 
 
 class ModuleFeedback:
-    """The newest value of each kind with its time (s), and ``news``: events to report to the user, oldest first; the last 64.
+    """The newest value of each kind with its time (s), and ``missing``: the last events of missing messages, oldest first.
 
     It is a ``bus.node.events.Monitored`` too: a restart counts as a boot-up. A second module with this node ID is not detected.
     """
@@ -58,12 +60,12 @@ class ModuleFeedback:
         self.bootups = 0  # since listening began
         self.bootup_stamp: float | None = None
         self.trusts_estimates = True  # no request for idle since the last request for closed loop
-        self.news: list[tuple[float, str]] = []
+        self.missing: deque[PdoEvent] = deque(maxlen=HISTORY)
         names = ("Get_Encoder_Estimates", "Get_Encoder_Count", "Get_Iq")
         self._estimates, self._counts, self._iq = self._questions = [
             PolledMessage(self.node_id, each, remote=settings.remote) for each in names
         ]
-        self._told_silent: set[str] = set()
+        self._silent_since: dict[PolledMessage, float] = {}
 
     # Received state.
 
@@ -149,12 +151,11 @@ class ModuleFeedback:
         before = self._beats
         after = before.after(self.node_id, data)
         if isinstance(after, Unexpected):
-            self.tell(at, after.words)
             return
         self._beats, silence, self.beat_at = after, at - self.beat_at, at
         if before.last is not None:
             self._look_at_life(before, silence, at)
-        self._look_at_fault(before.last, at)
+        self._look_at_fault(before.last)
         if self.closed and not self.faulty and self.trusts_estimates:
             self.place.open()
         elif not self.closed:
@@ -165,20 +166,12 @@ class ModuleFeedback:
         life, last = self._beats.last, before.last
         assert life is not None
         assert last is not None
-        if silence > _LOST * self._settings.heartbeat and not self._goes_on(last.life, life.life, silence):
-            self._restart(at)
-            self.tell(
-                at, f"was silent for {silence:.2g} s and has probably restarted: its counter began again"
-            )
-        elif self._beats.restarts > before.restarts:
-            self._restart(at)
-            self.tell(at, "its life counter began again: it has restarted")
+        was_silent = silence > _LOST * self._settings.heartbeat
+        anew = was_silent and not self._goes_on(last.life, life.life, silence)
+        if anew or self._beats.restarts > before.restarts:
+            self.bootups, self.bootup_stamp = self.bootups + 1, at
         elif self._beats.gap:
-            self.tell(at, f"{counted(self._beats.gap, 'heartbeat')} were missed, by its life counter")
-
-    def _restart(self, at: float) -> None:
-        self.bootups += 1
-        self.bootup_stamp = at
+            self._note_missing("Heartbeat", Reception.RETURNED, silence, self._settings.heartbeat, at)
 
     def _goes_on(self, before: int | None, now: int | None, silence: float) -> bool:
         if before is None or now is None or self._settings.relayed:  # the relay counts, not the module
@@ -189,14 +182,13 @@ class ModuleFeedback:
         behind = now >= _YOUNG and 1 <= now - before <= passed
         return behind or abs(off) <= _SLACK + 0.1 * passed
 
-    def _look_at_fault(self, before: Heartbeat | None, at: float) -> None:
+    def _look_at_fault(self, before: Heartbeat | None) -> None:
         beat = self.beat
         assert beat is not None
         if not beat.faults:
             self.trouble.clear()
         elif before is None or not before.faults:
             self.trouble.begin(beat.axis_error)
-            self.tell(at, f"reports a fault: {', '.join(beat.faults)}")
         else:
             self.trouble.note(beat.axis_error)
 
@@ -237,17 +229,23 @@ class ModuleFeedback:
         return self._estimates.ask(now, self._settings.period) if late else None
 
     def _look_for_silent(self, now: float) -> None:
-        """Report once each message that this firmware does not answer."""
-        silent = [each.name for each in self._questions if each.silent]
-        silent += [GET_ERROR.name] if self.trouble.unanswered else []
-        for name in silent:
-            if name not in self._told_silent:
-                self._told_silent.add(name)
-                self.tell(now, f"{name} is not answered by this firmware")
+        """Report once each message that this firmware does not answer, and that it answers again."""
+        for each in self._questions:
+            since = self._silent_since.get(each)
+            if each.silent and since is None:
+                since = now - _WAITED if each.answered_at is None else each.answered_at
+                self._silent_since[each] = since
+                never = each.answered_at is None
+                self._note_missing(each.name, Reception.MISSING, now - since, _WAITED, now, never=never)
+            elif since is not None and not each.silent:
+                del self._silent_since[each]
+                self._note_missing(each.name, Reception.RETURNED, now - since, _WAITED, now)
 
-    def tell(self, at: float, text: str) -> None:
-        """Add an event for the user, with its time."""
-        self.news = [*self.news, (at, text)][-_NEWS:]
+    def _note_missing(
+        self, name: str, what: Reception, age: float, deadline: float, now: float, *, never: bool = False
+    ) -> None:
+        identifier = can_id(self.node_id, named(name).command)
+        self.missing.append(PdoEvent(self.node_id, name, identifier, what, age, deadline, now, never))
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -257,6 +255,7 @@ class ModuleFeedback:
 _TRIES = 5  # requests by a remote frame, and as many by eight bytes of 0
 _SELDOM = 1.0  # s between two requests for a message that is not answered
 _GIVEN_UP = 0.05  # s after which a request counts as not answered
+_WAITED = 2 * _TRIES * _GIVEN_UP  # s of all requests, after which the message counts as not answered
 
 
 class PolledMessage:

@@ -10,7 +10,7 @@ bus: the time is the one given to ``read``.
   ``ModulePowerAction.START``. No position is sent before a heartbeat has reported closed loop.
 - After each frame, the module holds or completes its last command if no further frame follows. This is the state in which a master
   that dies leaves it. A program that notices this sends ``stop_frames``.
-- Problems are reported in ``hearing.news``: a message that the firmware does not answer, missing heartbeats, a restart.
+- A message that the firmware does not answer, and missing heartbeats, are events in ``hearing.missing``.
 """
 
 from __future__ import annotations

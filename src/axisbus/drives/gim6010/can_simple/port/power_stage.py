@@ -89,7 +89,6 @@ class ModulePowerStage:
         self._leaving = _S.SWITCHED_ON  # the state that is reported in GOING
         self._since = self._sent = 0.0  # times of the first and the last request for closed loop or idle
         self._word = 0
-        self.refused = 0  # consecutive requests for closed loop without effect
 
     @property
     def shown(self) -> PowerState:
@@ -165,7 +164,7 @@ class ModulePowerStage:
             return ModulePowerAction.NOTHING
         wanted = after(self._asked, word)
         if wanted is _S.OPERATION_ENABLED:
-            self.power, self._since, self._sent, self.refused = Power.COMING, now, now, 0
+            self.power, self._since, self._sent = Power.COMING, now, now
             return ModulePowerAction.START
         self._asked = wanted
         return ModulePowerAction.NOTHING
@@ -176,7 +175,7 @@ class ModulePowerStage:
             return self._go(_S.SWITCHED_ON, wanted, now)
         if now - self._sent < _RETRY or self._hearing.closed or self._hearing.beat_at <= self._sent:
             return ModulePowerAction.NOTHING
-        self._sent, self.refused = now, self.refused + 1
+        self._sent = now
         return ModulePowerAction.START
 
     def _on(self, word: int, now: float) -> ModulePowerAction:
