@@ -176,34 +176,23 @@ def test_a_zero_is_never_negative():
     assert requests.write(named("velocity_setpoint"), -0.0).words == (0, 0)
 
 
-@given(
-    st.sampled_from(sorted(ModbusFunction)),
-    st.integers(-2, 0xFFFF),
-    st.integers(0, 9),
-    st.lists(st.integers(0, 0xFFFF), max_size=9),
-)
-def test_no_request_cuts_a_value_or_takes_two(function, address, count, words):
-    reads = function in (ModbusFunction.READ_HOLDING, ModbusFunction.READ_INPUT)
-    bank = Bank.INPUT if function is ModbusFunction.READ_INPUT else Bank.HOLDING
-    whole = any(
-        (each.bank, each.address, each.count) == (bank, address, count)
-        and len(words) == (0 if reads else count)
-        and (reads or (function is ModbusFunction.WRITE_ONE) == (count == 1))
-        for each in REGISTERS
-    )
-    if whole:
-        assert ModbusRequest(function, address, count, tuple(words)).pdu[1:3] == address.to_bytes(2, "big")
-    else:
+@given(st.sampled_from(REGISTERS), st.lists(st.integers(0, 0xFFFF), max_size=9))
+def test_no_request_cuts_a_value_or_takes_two(register, words):
+    whole = not words or (register.bank is Bank.HOLDING and len(words) == register.count)
+    if not whole:
         with pytest.raises(ArgumentError, match="not a whole value"):
-            ModbusRequest(function, address, count, tuple(words))
-
-
-@pytest.mark.parametrize("register", [each for each in REGISTERS if each.count > 1], ids=repr)
-def test_a_value_of_several_registers_has_no_half(register):
-    function = ModbusFunction(register.bank.value)
-    for address, count in ((register.address, 1), (register.address + 1, register.count - 1)):
-        with pytest.raises(ArgumentError, match="whole"):
-            ModbusRequest(function, address, count)
+            ModbusRequest(register, tuple(words))
+        return
+    request = ModbusRequest(register, tuple(words))
+    assert request.pdu[1:3] == register.address.to_bytes(2, "big")
+    if not words:
+        assert (request.pdu[0], request.pdu[3:]) == (
+            int(register.bank.value),
+            register.count.to_bytes(2, "big"),
+        )
+    else:
+        assert (request.function is ModbusFunction.WRITE_ONE) == (register.count == 1)
+        assert request.pdu[-2 * register.count :] == b"".join(word.to_bytes(2, "big") for word in words)
 
 
 @pytest.mark.parametrize(

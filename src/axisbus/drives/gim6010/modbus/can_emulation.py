@@ -49,7 +49,7 @@ from axisbus.drives.gim6010.modbus import requests
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.modbus.registers import ERROR_FLAGS, OTHER_FLAGS, REGISTERS, named
-from axisbus.drives.gim6010.modbus.requests import ModbusFunction, ModbusRequest, Wire
+from axisbus.drives.gim6010.modbus.requests import ModbusRequest, Wire
 from axisbus.errors import AxisbusError, DriveError, NodeError, NodeTimeout, UncommandedMotion
 
 # -- Translates each CAN Simple command for a serial line: registers and values, in the order of writing ----------------
@@ -353,10 +353,8 @@ class RelayedModule:
     def _calibrate(self, writes: Writes) -> None:
         if self._module.state == IDLE:
             for name, value in writes:
-                register = named(name)  # whose table does not allow a calibration as a value
-                self._module.dialogue.write(
-                    ModbusRequest(ModbusFunction.WRITE_ONE, register.address, register.count, (int(value),))
-                )
+                # past the table, which does not allow a calibration as a value
+                self._module.dialogue.write(ModbusRequest(named(name), (int(value),)))
 
     # Requests.
 

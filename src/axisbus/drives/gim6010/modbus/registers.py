@@ -116,7 +116,6 @@ REGISTERS = tuple(
     for row in rows(__package__, "registers.tsv")
 )
 BY_NAME = {each.name: each for each in REGISTERS}
-BY_PLACE = {(each.bank, each.address): each for each in REGISTERS}
 # Bits of error_flags: the error words that are not 0, with their category in the fault table (5.7 calls the axis "driver").
 ERROR_FLAGS = {
     0: ("motor_error", "motor"),

@@ -12,7 +12,7 @@ from enum import IntEnum
 from typing import Protocol
 
 from axisbus.drives.gim6010.can_simple.fields import Number
-from axisbus.drives.gim6010.modbus.registers import BY_PLACE, Bank, Register
+from axisbus.drives.gim6010.modbus.registers import Bank, Register
 from axisbus.errors import ArgumentError
 
 _MEANINGS = {
@@ -37,37 +37,39 @@ class ModbusFunction(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class ModbusRequest:
-    """One request; ``words`` are the registers to be written, most significant first, none in a read.
+    """One request for a whole value; ``words`` are the registers to be written, most significant first, none in a read.
 
     Raises:
-        ArgumentError: it does not cover one whole value of the table, or the function does not suit the value.
+        ArgumentError: the words are not the whole value, or the value is one that can only be read.
     """
 
-    function: ModbusFunction
-    address: int
-    count: int
+    register: Register
     words: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        found = BY_PLACE.get((self._bank, self.address))
-        right = (
-            found is not None
-            and found.count == self.count
-            and len(self.words) in ((self.count,) if self.writes else (0,))
-        )
-        if not right or (self.writes and (self.function is ModbusFunction.WRITE_ONE) != (self.count == 1)):
+        if self.writes and (len(self.words) != self.count or self.register.bank is Bank.INPUT):
             raise ArgumentError(
-                f"{self.count} from {self.address:02X}h by function {int(self.function):02X}h is not a whole value of a module",
+                f"{len(self.words)} from {self.address:02X}h by function {int(self.function):02X}h is not a whole value of a module",
                 remedy="values of several registers are read and written whole, from their first address on",
             )
 
     @property
-    def writes(self) -> bool:
-        return self.function in (ModbusFunction.WRITE_ONE, ModbusFunction.WRITE_SEVERAL)
+    def address(self) -> int:
+        return self.register.address
 
     @property
-    def register(self) -> Register:
-        return BY_PLACE[self._bank, self.address]
+    def count(self) -> int:
+        return self.register.count
+
+    @property
+    def writes(self) -> bool:
+        return bool(self.words)
+
+    @property
+    def function(self) -> ModbusFunction:
+        if not self.writes:
+            return ModbusFunction(self.register.bank.value)
+        return ModbusFunction.WRITE_ONE if self.count == 1 else ModbusFunction.WRITE_SEVERAL
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -88,10 +90,6 @@ class ModbusRequest:
         """Return the frame to a device (1 to 247), without the CRC."""
         return bytes([device]) + self.pdu
 
-    @property
-    def _bank(self) -> Bank:
-        return Bank.INPUT if self.function is ModbusFunction.READ_INPUT else Bank.HOLDING
-
 
 @dataclass(frozen=True, slots=True)
 class Reply:
@@ -105,7 +103,7 @@ class Reply:
 
 
 def read(register: Register) -> ModbusRequest:
-    return ModbusRequest(ModbusFunction(register.bank.value), register.address, register.count)
+    return ModbusRequest(register)
 
 
 def write(register: Register, value: Number) -> ModbusRequest:
@@ -117,9 +115,7 @@ def write(register: Register, value: Number) -> ModbusRequest:
     """
     if not register.writable:
         raise ArgumentError(f"{register.name} cannot be written", remedy="it is read-only")
-    words = register.words(value)
-    function = ModbusFunction.WRITE_ONE if register.count == 1 else ModbusFunction.WRITE_SEVERAL
-    return ModbusRequest(function, register.address, register.count, words)
+    return ModbusRequest(register, register.words(value))
 
 
 def fits(request: ModbusRequest, reply: Reply) -> bool:
