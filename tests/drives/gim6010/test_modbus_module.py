@@ -102,16 +102,16 @@ def test_limits_hold_and_modes_are_changed_in_idle_alone():
 def test_errors_have_words_and_are_cleared():
     station, _, module = line()
     axis = station.module.axis
-    assert not module.errors().any
+    assert not module.errors().lines
     axis.estop()
     axis.motor_error |= 1 << 35
     found = module.errors()
-    assert found.any
+    assert found.lines
     assert found.flags == 0b10001
     assert found.words == {"motor": 1 << 35, "encoder": 0, "controller": 0, "system": 0, "axis": 0x4040}
     assert any(line.startswith("motor UNBALANCED_PHASES") for line in found.lines)
     assert any(line.startswith("axis ESTOP_REQUESTED") for line in found.lines)
-    assert not module.clear_errors().any
+    assert not module.clear_errors().lines
     station.module.dials.encoder_error = 4
     station.module.usb_write("axis0.requested_state", 8)
     station.step(1.0)

@@ -7,7 +7,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from typing import Self
+from typing import NamedTuple, Self
 
 from axisbus.bus.link.channel import Channel
 from axisbus.drives.gim6010.bus.stop_modules import stop_modules
@@ -28,30 +28,23 @@ def channel_node(device: int) -> int:
     return device if device <= _HIGHEST else _HIGHEST
 
 
-def open_line(
-    port: str,
-    device: int,
-    *,
-    rate: int,
-    parity: str,
-    listed: Listed | None = None,
-    calibrates: bool = False,
-) -> Channel:
-    """Open a port as the channel of one module; ``parity`` is none, even or odd, ``listed`` and ``calibrates`` as for ``Relay``.
+class OneModuleLine(NamedTuple):
+    """A serial port with one module: its node ID (1 to 247), the rate in bit/s, and the parity: none, even or odd."""
 
-    Raises:
-        UserError: the extra is not installed. AdapterError: the port cannot be opened.
-    """
-    node = channel_node(device)
-    return Channel.open(
-        _INTERFACE,
-        port,
-        rate,
-        parity=parity,
-        modules={node: listed},
-        devices={node: device},
-        calibrates=calibrates,
-    )
+    port: str
+    device: int
+    rate: int
+    parity: str
+
+    def open(self, listed: Listed | None = None, *, calibrates: bool = False) -> Channel:
+        """Open the port as the channel of the module; ``listed`` and ``calibrates`` as for ``Relay``.
+
+        Raises:
+            UserError: the extra is not installed. AdapterError: the port cannot be opened.
+        """
+        node, options = channel_node(self.device), {"parity": self.parity, "calibrates": calibrates}
+        modules, devices = {node: listed}, {node: self.device}
+        return Channel.open(_INTERFACE, self.port, self.rate, modules=modules, devices=devices, **options)
 
 
 def stop_on_line(
@@ -91,9 +84,9 @@ _AGAIN = 0.02
 class ModbusWatchdogProcess:
     """The watchdog process for one module on a port."""
 
-    def __init__(self, port: str, device: int, *, rate: int, parity: str) -> None:
-        """Parameters as for ``open_line``. Nothing is started before ``with``."""
-        self._arguments = [port, str(device), str(rate), parity]
+    def __init__(self, line: OneModuleLine) -> None:
+        """Nothing is started before ``with``."""
+        self._arguments = list(map(str, line))
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
@@ -131,6 +124,7 @@ class ModbusWatchdogProcess:
 def main(arguments: list[str]) -> int:
     """Wait for the end of the program; stop the module if no message came before. Return the exit code."""
     port, device, rate, parity = arguments
+    line = OneModuleLine(port, int(device), int(rate), parity)
     for number in present("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK"):
         signal.signal(number, signal.SIG_IGN)
     libraries()
@@ -140,20 +134,20 @@ def main(arguments: list[str]) -> int:
         return 0
     _say(f"module {device}: the program that moved it is dead: it is stopped now")
     try:
-        with _free(port, int(device), int(rate), parity) as channel:
-            stop_on_line(channel, int(device), tell=_say, impatience=lambda: 0)
+        with _free(line) as channel:
+            stop_on_line(channel, line.device, tell=_say, impatience=lambda: 0)
     except AxisbusError as error:
         _say(str(error))
         return 3
     return 0
 
 
-def _free(port: str, device: int, rate: int, parity: str) -> Channel:
+def _free(line: OneModuleLine) -> Channel:
     """Open the port as soon as it is free."""
     end = time.monotonic() + _PATIENCE
     while True:
         try:
-            return open_line(port, device, rate=rate, parity=parity)
+            return line.open()
         except AdapterError:
             if time.monotonic() > end:
                 raise

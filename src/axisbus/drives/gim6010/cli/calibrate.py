@@ -87,7 +87,7 @@ def modbus_calibrate_command(what: str, target: ModbusTarget, yes: bool) -> int:
     with opened(target) as module:
         parameters(target, module)  # whether the list fits
         module.require_idle(f"{kind.words} is begun")
-    with guard(target) as watchdog, line_of(target, listed, calibrates=True) as channel:
+    with guard(target) as watchdog, line_of(target).open(listed, calibrates=True) as channel:
         calibration = Calibration(target.node, kind, guarded=lambda: watchdog.is_there)
         number = run_guarded(channel, calibration, say_note)
     return _end(

@@ -12,7 +12,7 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_error, say_js
 from axisbus.cli.shared.options import GivenBus, bus_words
 from axisbus.drives.gim6010 import faults
 from axisbus.drives.gim6010.cli.bus import line_options, look
-from axisbus.drives.gim6010.cli.modbus.registers import tell_errors
+from axisbus.drives.gim6010.cli.modbus.registers import tell_errors, tell_lines
 from axisbus.drives.gim6010.cli.modbus.target_module import ModbusTarget
 from axisbus.drives.gim6010.cli.module_selection import modbus_options, on_usb, usb_options
 from axisbus.drives.gim6010.discovery import report_text
@@ -133,7 +133,9 @@ def errors_command(
             say(text)
         return OK
     if usb is not None:
-        return _errors_over_usb(usb, as_json=as_json)
+        words = on_usb(usb).error_words()
+        told = [text for category, word in words.items() for text in faults.words(category, word)]
+        return tell_lines(words, told, as_json=as_json)
     if node is None:
         raise click.UsageError("give the module's node ID with --node, or a word with --word axis=0x40")
     if serial is not None:
@@ -153,14 +155,3 @@ def errors_command(
         )
         return FAILURE
     return WRONG if any(each.errors for each in found) else OK
-
-
-def _errors_over_usb(usb: str, *, as_json: bool) -> int:
-    words = on_usb(usb).error_words()
-    if as_json:
-        say_json(words)
-    else:
-        told = [text for category, word in words.items() for text in faults.words(category, word)]
-        for text in told or ["no error"]:
-            say(text)
-    return WRONG if any(words.values()) else OK

@@ -38,10 +38,6 @@ class ErrorWords:
     words: Mapping[str, int]
 
     @property
-    def any(self) -> bool:
-        return bool(self.flags or any(self.words.values()))
-
-    @property
     def lines(self) -> list[str]:
         """A sentence for each bit: its meaning and the remedy."""
         told = [line for category, word in self.words.items() for line in faults.words(category, word)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import click
@@ -173,12 +174,16 @@ def tell_errors(target: ModbusTarget, *, clear: bool = False, as_json: bool = Fa
                 say(f"was: {line}")
         if clear:
             found = module.clear_errors()
+    return tell_lines({"flags": found.flags, **found.words}, found.lines, as_json=as_json)
+
+
+def tell_lines(words: Mapping[str, int], lines: Sequence[str], *, as_json: bool) -> int:
+    """Print error words as JSON, or the sentences about their bits; return the exit code."""
     if as_json:
-        say_json({"flags": found.flags, **found.words})
-    else:
-        for line in found.lines or ["no error"]:
-            say(line)
-    return WRONG if found.any else OK
+        say_json(words)
+    for line in () if as_json else lines or ["no error"]:
+        say(line)
+    return WRONG if lines else OK
 
 
 # -- ``axisbus gim6010 modbus write``: write settings by name, read each back, set another node ID, and save -----------
@@ -302,7 +307,7 @@ def stop_command(target: ModbusTarget) -> int:
     from axisbus.drives.gim6010.bus.run import interrupts
 
     signals: list[str] = []
-    with interrupts(signals.append), line_of(target) as channel:
+    with interrupts(signals.append), line_of(target).open() as channel:
         stop_on_line(channel, target.node, tell=say, impatience=lambda: len(signals))
     return OK
 

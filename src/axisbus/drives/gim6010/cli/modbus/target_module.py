@@ -13,7 +13,6 @@ import click
 from axisbus.cli.shared.common import say_note
 from axisbus.cli.shared.options import PATH, Decorated, packed
 from axisbus.drives.gim6010.can_simple.endpoints import EndpointList, Firmware, with_version
-from axisbus.drives.gim6010.modbus.can_emulation import Listed
 from axisbus.drives.gim6010.modbus.module import ModbusModule
 from axisbus.drives.gim6010.modbus.parameters import ModbusParameters
 from axisbus.drives.gim6010.modbus.registers import HIGHEST_DEVICE, RATES
@@ -21,8 +20,7 @@ from axisbus.drives.gim6010.modbus.serial_wire import TIMEOUT, Parity, SerialWir
 from axisbus.errors import UserError
 
 if TYPE_CHECKING:
-    from axisbus.bus.link.channel import Channel
-    from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess
+    from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess, OneModuleLine
 
 PARITIES = ("none", "even", "odd")
 _WATCHDOG_NOTE = (
@@ -121,14 +119,11 @@ def opened(target: ModbusTarget) -> Iterator[ModbusModule]:
         yield ModbusModule(wire, target.node)
 
 
-def line_of(target: ModbusTarget, listed: Listed | None = None, *, calibrates: bool = False) -> Channel:
-    """Open the port as the channel of the module, whose registers are polled from now on; ``listed`` and ``calibrates`` as for
-    ``Relay``. Raises as ``opened``.
-    """
-    from axisbus.drives.gim6010.bus.one_module_line import open_line
+def line_of(target: ModbusTarget) -> OneModuleLine:
+    """Return the port as a line whose channel polls the registers of the module."""
+    from axisbus.drives.gim6010.bus.one_module_line import OneModuleLine
 
-    port, node, rate, parity = target.port, target.node, target.rate, target.parity
-    return open_line(port, node, rate=rate, parity=parity, listed=listed, calibrates=calibrates)
+    return OneModuleLine(target.port, target.node, target.rate, target.parity)
 
 
 @contextmanager
@@ -140,7 +135,7 @@ def guard(target: ModbusTarget) -> Iterator[ModbusWatchdogProcess]:
     """
     from axisbus.drives.gim6010.bus.one_module_line import ModbusWatchdogProcess
 
-    with ModbusWatchdogProcess(target.port, target.node, rate=target.rate, parity=target.parity) as watchdog:
+    with ModbusWatchdogProcess(line_of(target)) as watchdog:
         say_note(_WATCHDOG_NOTE)
         yield watchdog
 
