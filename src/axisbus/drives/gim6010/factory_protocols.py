@@ -106,6 +106,7 @@ class ProtocolListener:
     _other: set[tuple[int, bool]] = field(default_factory=set)  # identifiers of no heartbeat, certainly
     _canopen: set[int] = field(default_factory=set)  # nodes with error control
     _service: bool = False  # NMT or SYNC was heard
+    _wide: dict[int, deque[float]] = field(default_factory=dict)  # times of heartbeats of 29 bits
 
     def note(self, frame: CanFrame) -> None:
         """Take a frame; frames must come in order of time."""
@@ -115,13 +116,21 @@ class ProtocolListener:
         if not frame.extended:
             self._standard(frame)
         elif is_beat(frame):
-            self._keep(frame, frame.can_id & ~_SEQUENCE)
+            key = frame.can_id & ~_SEQUENCE
+            self._keep(frame, key)
+            if key in self._wide or len(self._wide) < _MOST:
+                self._wide.setdefault(key, deque(maxlen=_KEPT)).append(frame.time)
 
     @property
     def speakers(self) -> list[Speaker]:
         """Modules with another protocol, by protocol and node."""
         found = [speaker for key in self._heard if (speaker := self._judge(*key)) is not None]
         return sorted(found, key=lambda each: (each.protocol is Protocol.EXTENDED, each.node))
+
+    @property
+    def extended(self) -> tuple[int, ...]:
+        """Identifiers of the heartbeats of modules with the 29-bit protocol, without the sequence, lowest first."""
+        return tuple(sorted(key for key, times in self._wide.items() if _beats(list(times))))
 
     def speaker(self, frame: CanFrame) -> Speaker | None:
         """Return the sender of a frame, if it is known to be a module with another protocol."""
@@ -340,24 +349,6 @@ def is_beat(frame: CanFrame) -> bool:
 def addresses(can_id: int) -> tuple[int, ...]:
     """Return the values of the two address fields of a 29-bit identifier, without duplicates."""
     return tuple(dict.fromkeys((can_id >> 10 & 0xFF, can_id >> 2 & 0xFF)))
-
-
-@dataclass(slots=True)
-class Heartbeat29:
-    """Follows the heartbeats of the 29-bit protocol on a bus: the times of the last ones of each identifier."""
-
-    _times: dict[int, deque[float]] = field(default_factory=dict)
-
-    def note(self, frame: CanFrame) -> None:
-        """Take any frame; frames must come in order of time."""
-        key = frame.can_id & ~_SEQUENCE
-        if is_beat(frame) and (key in self._times or len(self._times) < _MOST):
-            self._times.setdefault(key, deque(maxlen=_KEPT)).append(frame.time)
-
-    @property
-    def modules(self) -> tuple[int, ...]:
-        """Identifiers of the heartbeats of modules, without the sequence, lowest first."""
-        return tuple(sorted(key for key, times in self._times.items() if _beats(list(times))))
 
 
 def _beats(times: list[float]) -> bool:

@@ -1,6 +1,6 @@
 """Snapshot of a bus by listening: modules of each protocol, CANopen nodes, and identifiers that belong to none of them.
 
-Theory of operation. ``ProtocolListener`` recognises CAN Simple, ``Heartbeat29`` the 29-bit protocol; error control (700h plus node)
+Theory of operation. ``ProtocolListener`` recognises CAN Simple and the 29-bit protocol; error control (700h plus node)
 indicates a CANopen node. All other identifiers are stored with the number of their frames. An identifier that belongs to no known
 node is foreign: nothing is sent on it. If there is foreign traffic, silent node IDs get no requests unless the user asks for that.
 """
@@ -17,13 +17,7 @@ from axisbus.drives.gim6010.can_simple import heartbeat
 from axisbus.drives.gim6010.can_simple.heartbeat import Heartbeat, Heartbeats, count_senders
 from axisbus.drives.gim6010.can_simple.identifier import COMMANDS, can_id, canopen_identifiers, split
 from axisbus.drives.gim6010.can_simple.messages import STATES
-from axisbus.drives.gim6010.factory_protocols import (
-    Heartbeat29,
-    Protocol,
-    ProtocolListener,
-    Speaker,
-    addresses,
-)
+from axisbus.drives.gim6010.factory_protocols import Protocol, ProtocolListener, Speaker, addresses
 
 _KEPT = 64  # heartbeats of a node that are evaluated
 _DOUBTFUL = 8  # frames that look like heartbeats, on an identifier of another node
@@ -55,7 +49,6 @@ class BusSnapshot:
     """Follows a bus: the modules recognised, the last heartbeats by node, and the number of frames of each identifier."""
 
     listening: ProtocolListener = field(default_factory=ProtocolListener)
-    wide: Heartbeat29 = field(default_factory=Heartbeat29)
     beats: dict[int, Heartbeats] = field(default_factory=dict)
     states: dict[int, int] = field(default_factory=dict)  # byte of error control, by CANopen node
     heard: Counter[tuple[int, bool]] = field(default_factory=Counter)
@@ -70,7 +63,6 @@ class BusSnapshot:
         """Take a frame; frames must come in order of time. Never raises."""
         for each in (self.listening, *self._anew.values()):
             each.note(frame)
-        self.wide.note(frame)
         if frame.error:
             return
         key = frame.can_id, frame.extended
@@ -128,7 +120,7 @@ class BusSnapshot:
         """Return the identifiers that belong to no known node, lowest first."""
         known = {can_id(node, command) for node in self.simple for command in COMMANDS}
         known |= canopen_identifiers(sorted(self.canopen)).keys()
-        extended = {address for identifier in self.wide.modules for address in addresses(identifier)}
+        extended = {address for identifier in self.listening.extended for address in addresses(identifier)}
         return sorted(
             (
                 UnknownIdentifier(identifier, wide, count)

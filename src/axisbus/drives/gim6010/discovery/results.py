@@ -76,7 +76,7 @@ def findings(finder: Finder) -> tuple[DiscoveredModule, ...]:
     picture = finder.picture
     simple = [_simple(finder, node) for node in sorted(picture.simple) if node in finder.only]
     nodes = [_canopen(finder, node) for node in sorted(picture.canopen) if node in finder.only]
-    wide = [_extended(each) for each in picture.wide.modules]
+    wide = [_extended(each) for each in picture.listening.extended]
     return (*simple, *nodes, *(each for each in wide if any(node in finder.only for node in each.addresses)))
 
 
