@@ -467,7 +467,7 @@ def test_the_frame_of_zeros_is_full_negative_torque(bench):
 
 def test_the_answer_wraps_as_the_firmware_does():
     def told(position: float, torque: float) -> tuple[float, float]:
-        data = protocol.pack_answer(0, position, 0.0, torque, protocol.Ranges())
+        data = protocol.pack_answer(0, position, 0.0, torque, protocol.MitValues())
         raw = int.from_bytes(data[1:6], "big")
         return (raw >> 24) * 25 / 65535 - 12.5, (raw & 0xFFF) * 100 / 4095 - 50
 

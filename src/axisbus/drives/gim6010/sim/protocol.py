@@ -267,7 +267,7 @@ class CanSimpleServer:
         )
         self._send(Command.MIT_CONTROL, self._mit_answer(ranges))
 
-    def _mit_answer(self, ranges: Ranges) -> bytes:
+    def _mit_answer(self, ranges: MitValues) -> bytes:
         axis = self._axis
         gear = axis.controller.gear
         radians = 2.0 * math.pi / gear
@@ -276,10 +276,10 @@ class CanSimpleServer:
         node_id = self._parameters.node_id
         return pack_answer(node_id, shaft.estimate * radians, shaft.velocity * radians, torque, ranges)
 
-    def _ranges(self) -> Ranges:
+    def _ranges(self) -> MitValues:
         if self._firmware < MIT_RANGES:
-            return Ranges()
-        return Ranges(*(self._parameters[_CONTROLLER + name] for name in _RANGES))
+            return MitValues()
+        return MitValues(*(self._parameters[_CONTROLLER + name] for name in _RANGES))
 
 
 def _u32(data: bytes) -> int:
@@ -318,8 +318,8 @@ def heartbeat(axis: ModuleAxis, firmware: Firmware, dials: ModuleFaults, life: i
 # Like the firmware, the packing truncates and does not limit: a value beyond its range wraps to the other end.
 
 
-class Ranges(NamedTuple):
-    """Ends of the fields' ranges: rad, rad/s, N·m/turn, N·m·s/turn, N·m."""
+class MitValues(NamedTuple):
+    """The values of a command, or the ends of their ranges: rad, rad/s, N·m/turn, N·m·s/turn, N·m at the output shaft."""
 
     position: float = 12.5
     velocity: float = 65.0
@@ -328,20 +328,10 @@ class Ranges(NamedTuple):
     torque: float = 50.0
 
 
-class Order(NamedTuple):
-    """A command: rad, rad/s and N·m at the output shaft, and the gains."""
-
-    position: float
-    velocity: float
-    kp: float
-    kd: float
-    torque: float
-
-
-def unpack(data: bytes, ranges: Ranges) -> Order:
+def unpack(data: bytes, ranges: MitValues) -> MitValues:
     """Return the command in 8 bytes."""
     bits = int.from_bytes(data[:8], "big")
-    return Order(
+    return MitValues(
         _signed(bits >> 48, 16, ranges.position),
         _signed(bits >> 36 & 0xFFF, 12, ranges.velocity),
         (bits >> 24 & 0xFFF) * ranges.kp / 4095,
@@ -350,7 +340,7 @@ def unpack(data: bytes, ranges: Ranges) -> Order:
     )
 
 
-def pack_answer(node_id: int, position: float, velocity: float, torque: float, ranges: Ranges) -> bytes:
+def pack_answer(node_id: int, position: float, velocity: float, torque: float, ranges: MitValues) -> bytes:
     """Return the answer in 8 bytes, the last two of which are 0; rad, rad/s and N·m at the output shaft."""
     bits = _field(position, 16, ranges.position) << 24
     bits |= _field(velocity, 12, ranges.velocity) << 12 | _field(torque, 12, ranges.torque)
