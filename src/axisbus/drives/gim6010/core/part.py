@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Collection
 from contextlib import AbstractContextManager, ExitStack
+from dataclasses import dataclass
 from functools import partial
 from typing import Any, NoReturn
 
@@ -18,7 +19,6 @@ from axisbus.bus.link.channel import Channel
 from axisbus.bus.node.events import NodeEvents
 from axisbus.cell.model import CellConfig
 from axisbus.cell.other_protocols import objects_refused
-from axisbus.cia301.datatypes import Value
 from axisbus.cia301.frame import CanFrame
 from axisbus.cia301.incident import EmcyLog
 from axisbus.cia301.nmt import NmtCommand
@@ -133,35 +133,18 @@ class ModuleSender:
 # A module as a node for direct access: state, faults and restarts by its heartbeats; no objects and no NMT commands.
 
 
+@dataclass(frozen=True, slots=True)
 class NoObjects:
     """The objects of a module (``boot.objects.NodeObjects``), which has none. Each access is refused, and nothing is sent."""
 
-    def __init__(self, node_id: int) -> None:
-        self._node_id = node_id
+    node_id: int
 
-    @property
-    def node_id(self) -> int:
-        return self._node_id
+    def read(self, *where: Any, **_: Any) -> NoReturn:
+        """Refuse; ``where`` begins with index and sub-index. Raises StateError."""
+        key, subindex = (*where, 0)[:2]
+        raise no_objects(self.node_id, f"it has no object dictionary, so it has no {key:04X}h:{subindex:02X}")
 
-    def read(self, key: int, subindex: int = 0) -> Value:
-        self._refuse(key, subindex)
-
-    def write(self, key: int, subindex: int, value: Value) -> None:  # noqa: ARG002
-        self._refuse(key, subindex)
-
-    def write_unchecked(self, key: int, subindex: int, value: int) -> None:  # noqa: ARG002
-        self._refuse(key, subindex)
-
-    def upload(self, index: int, subindex: int = 0) -> bytes:
-        self._refuse(index, subindex)
-
-    def download(self, index: int, subindex: int, *_: object, **__: object) -> None:
-        self._refuse(index, subindex)
-
-    def _refuse(self, index: int, subindex: int) -> NoReturn:
-        raise no_objects(
-            self._node_id, f"it has no object dictionary, so it has no {index:04X}h:{subindex:02X}"
-        )
+    write = write_unchecked = upload = download = read
 
 
 class ModuleNode:
