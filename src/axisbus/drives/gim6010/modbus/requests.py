@@ -49,7 +49,7 @@ class ModbusRequest:
     def __post_init__(self) -> None:
         if self.writes and (len(self.words) != self.count or self.register.bank is Bank.INPUT):
             raise ArgumentError(
-                f"{len(self.words)} from {self.address:02X}h by function {int(self.function):02X}h is not a whole value of a module",
+                f"{len(self.words)} from {self.address:02X}h by function {self.function:02X}h is not a whole value of a module",
                 remedy="values of several registers are read and written whole, from their first address on",
             )
 
