@@ -32,7 +32,10 @@ def stop_modules(
     ramp is waited for, for 30 s. Each time that ``impatience()`` grows, the next step of the stop sequence begins.
     """
     heard: deque[CanFrame] = deque()
-    rescues = {name: _rescue(settings, alone) for name, settings in modules.items()}
+    rescues = {
+        name: ModuleRescue(each, counts=False, longest=_LONGEST) if alone else ModuleRescue(each)
+        for name, each in modules.items()
+    }
     patience = impatience()
     with ExitStack() as stack:
         for settings in modules.values():
@@ -45,10 +48,6 @@ def stop_modules(
             _step(channel, heard, rescues)
             channel.clock.sleep(_POLL)
     return [StopResult(name, each.ok, each.text) for name, each in rescues.items()]
-
-
-def _rescue(settings: ModuleSettings, alone: bool) -> ModuleRescue:
-    return ModuleRescue(settings, counts=False, longest=_LONGEST) if alone else ModuleRescue(settings)
 
 
 def _step(channel: Channel, heard: deque[CanFrame], rescues: Mapping[str, ModuleRescue]) -> None:

@@ -146,10 +146,8 @@ class ModuleMode(ABC):
 class Position(ModuleMode):
     """Profile position: each rising edge of bit 4 gives the trapezoid a new target; a halt discards it."""
 
-    def __init__(self, means: Means) -> None:
-        super().__init__(means)
-        self._waiting: float | None = None  # turns: a target that was accepted under halt
-        self._acknowledged = False
+    _waiting: float | None = None  # turns: a target that was accepted under halt
+    _acknowledged = False
 
     def step(self, word: int, edge: int) -> None:
         """Take a set-point and start the move; a set-point taken under halt starts when the halt is over."""
@@ -195,9 +193,7 @@ class Position(ModuleMode):
 class Velocity(ModuleMode):
     """Profile velocity: the ramps are computed here, never steeper than the module's own ramp, which cannot be set."""
 
-    def __init__(self, means: Means) -> None:
-        super().__init__(means)
-        self._ramped = 0.0  # turns/s
+    _ramped = 0.0  # turns/s
 
     def begin(self) -> None:
         """Continue at the rotor's velocity, and ramp from there."""
@@ -239,9 +235,7 @@ class Velocity(ModuleMode):
 class Torque(ModuleMode):
     """Profile torque on the module's torque ramp; a halt brakes by velocity 0, since no torque can brake."""
 
-    def __init__(self, means: Means) -> None:
-        super().__init__(means)
-        self._ramped = 0.0  # N·m
+    _ramped = 0.0  # N·m
 
     def begin(self) -> None:
         """Command torque 0."""
@@ -279,9 +273,7 @@ class Torque(ModuleMode):
 class ModuleCsp(ModuleMode):
     """Cyclic synchronous position: the module follows each target, and holds the last one if no other follows."""
 
-    def __init__(self, means: Means) -> None:
-        super().__init__(means)
-        self._follows = self._given = False
+    _follows = _given = False
 
     def step(self, word: int, edge: int) -> None:  # noqa: ARG002
         """Send the target of this cycle; if the mode was changed in motion, only after the motor has come to standstill."""
@@ -309,10 +301,8 @@ class ModuleHoming(ModuleMode):
     Set_Linear_Count would shift the estimate while the position loop holds it, which would cause a jump.
     """
 
-    def __init__(self, means: Means) -> None:
-        super().__init__(means)
-        self._bits = 0
-        self._since: float | None = None  # start time; None: not running
+    _bits = 0
+    _since: float | None = None  # start time; None: not running
 
     def begin(self) -> None:
         """Brake to standstill and hold; with torque 0 on a serial line, where torque control cannot be left under power."""
