@@ -5,7 +5,7 @@ Also the identifiers of a node, and whether CANopen nodes on the same bus use on
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -135,7 +135,10 @@ def clashes(
     description). Two modules with the same node ID are not detected here. Raises ArgumentError: a node ID is invalid.
     """
     taken = canopen_identifiers(canopen) | dict(cob_ids or {})
-    return tuple(sorted(_clashes(simple, taken), key=lambda each: each.can_id))
+    found = (
+        Clash(node, each, taken[each]) for node in set(simple) for each in identifiers(node) if each in taken
+    )
+    return tuple(sorted(found, key=lambda each: each.can_id))
 
 
 def in_manual(simple: Collection[int], canopen: Collection[int]) -> bool:
@@ -149,10 +152,3 @@ def free_nodes(canopen: Collection[int], cob_ids: Mapping[int, str] | None = Non
     """Return the CAN Simple node IDs that clash with none of these, those in the manual's list first."""
     free = [node for node in range(64) if not clashes((node,), canopen, cob_ids)]
     return tuple(sorted(free, key=lambda node: not in_manual((node,), canopen)))
-
-
-def _clashes(simple: Collection[int], taken: Mapping[int, str]) -> Iterator[Clash]:
-    for node in set(simple):
-        for each in identifiers(node):
-            if each in taken:
-                yield Clash(node, each, taken[each])
