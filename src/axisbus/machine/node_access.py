@@ -279,7 +279,7 @@ class NodeAccess:
 
     @property
     def pdo_events(self) -> tuple[PdoEvent, ...]:
-        """The last 64 times that a TPDO timed out or returned, oldest first; empty for a node with CAN Simple."""
+        """The last 64 times that a TPDO, or a message of CAN Simple, timed out or returned, oldest first."""
         return tuple(self._node.pdo_events)
 
     def error_history(self) -> tuple[ErrorEntry, ...] | None:
