@@ -143,6 +143,12 @@ def test_if_the_command_is_ended_the_core_continues(axisbus, opened, file, tmp_p
     code, _, err = axisbus("program", "write", firmware, "y", "--cell", file, "--raw", "--take")
     assert code == 1
     assert "another program is being written into it" in err
+    before = list(loader(opened).orders)
+    for words in (["nmt", "reset-node", "y"], ["od", "write", "y", "0x6081", "100"]):
+        code, _, err = axisbus(*words, "--cell", file, "--take")
+        assert code == 1
+        assert "the node is being booted, or its program is being written" in err
+    assert loader(opened).orders == before
     for _ in range(600):
         if "has a new program" in str(opened["y"].error):
             break

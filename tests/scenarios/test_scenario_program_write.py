@@ -13,8 +13,11 @@ from pathlib import Path
 import pytest
 
 from axisbus.cia301.frame import CanFrame
+from axisbus.cia301.nmt import NmtCommand
 from axisbus.errors import DriveError, NodeError, NodeStateError, StateError
 from axisbus.machine.machine import Machine
+from axisbus.machine.machine_node import MachineNode
+from axisbus.machine.node_access import NodeAccess
 from axisbus.motion.states import AxisState
 from axisbus.sim.boot_loader import ProgramLoader
 from axisbus.sim.power import Effort
@@ -94,6 +97,18 @@ def assert_usable_after_a_boot(simulation: Simulation) -> None:
     assert simulation.position("y") == pytest.approx(before + 3.0, abs=0.05)
 
 
+def _assert_undisturbed(node: NodeAccess) -> None:
+    """Neither a write nor an NMT command is sent: the node would lose its program, or run a part of it."""
+    with pytest.raises(StateError, match="reset node was not sent"):
+        node.command(NmtCommand.RESET_NODE)
+    for write in (
+        lambda: node.sdo.__setitem__((0x1F51, 1), 1),
+        lambda: MachineNode(node).sdo.download(0x1F51, 1, b"\1"),
+    ):
+        with pytest.raises(StateError, match="the value of 1F51h:01 was not sent"):
+            write()
+
+
 @pytest.mark.parametrize("restarts", [False, True], ids=["stays", "restarts"])
 def test_a_program_is_written_while_another_axis_turns(tmp_path, restarts):
     with cell(tmp_path) as (simulation, witness):
@@ -115,6 +130,7 @@ def test_a_program_is_written_while_another_axis_turns(tmp_path, restarts):
                     machine.node(Y).boot()
                 with pytest.raises(StateError, match="the program of node 2 cannot be written now"):
                     machine.node(Y).write_program(IMAGE)
+                _assert_undisturbed(machine.node(Y))
 
         written = machine.node(Y).write_program(IMAGE, progress=meanwhile)
         assert seen == ["the program of node 2 is being written"]

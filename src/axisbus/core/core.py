@@ -162,6 +162,9 @@ class CoreInterface(Protocol):
     ) -> ProgramWritten:
         """Replace the program of one node while the scan runs; blocks. Raises StateError, NodeError."""
 
+    def require_unclaimed(self, node_id: int, what: str) -> None:
+        """Check that a node is not being booted and its program not written, for a write or an NMT command. Raises StateError."""
+
     def reconnect(self) -> list[StopResult]:
         """Open the adapter again after it has failed; blocks. Raises StateError, AdapterError, SecondMasterError."""
 
@@ -558,6 +561,15 @@ class Core:
             finally:
                 self._require_boot(names, end)
         return written
+
+    def require_unclaimed(self, node_id: int, what: str) -> None:
+        """As ``CoreInterface.require_unclaimed``: a boot-up or a write of the program would fail, or end in an unknown state."""
+        if node_id in self._booting:
+            raise StateError(
+                f"node {node_id}: {what} was not sent",
+                observed="the node is being booted, or its program is being written",
+                remedy="wait for the end of that",
+            )
 
     def reconnect(self) -> list[StopResult]:
         """Open the adapter again after it has failed or is bus-off, and return how each commanded axis was stopped afterwards.

@@ -60,6 +60,7 @@ class MachineSdo:
         self.node_id = access.node_id
         self.dictionary = Dictionary(access.eds, access.node_id)
         self._objects = access.parts.objects
+        self._require_unclaimed = access.require_unclaimed
 
     def upload(self, index: int, subindex: int = 0, *, progress: Progress | None = None) -> bytes:
         """Read an object's bytes; blocks. ``progress`` is called when all bytes have arrived."""
@@ -69,7 +70,8 @@ class MachineSdo:
         return data
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
-        """Write an object's bytes; blocks. Needs control of the machine."""
+        """Write an object's bytes; blocks. Needs control of the machine, and no boot-up or program download of the node."""
+        self._require_unclaimed(f"the value of {index:04X}h:{subindex:02X}")
         self._objects.download(index, subindex, data)
 
     def read(self, key: int | str, subindex: int = 0, *, data_type: DataType | None = None) -> Value:

@@ -41,10 +41,15 @@ class SdoAccess:
     """
 
     def __init__(
-        self, objects: NodeObjects, dictionary: Dictionary, cyclic: frozenset[tuple[int, int]] = frozenset()
+        self,
+        objects: NodeObjects,
+        dictionary: Dictionary,
+        cyclic: frozenset[tuple[int, int]] = frozenset(),
+        require_unclaimed: Callable[[str], None] = lambda _: None,
     ) -> None:
-        """``cyclic``: the objects that the scan sends in every cycle."""
+        """``cyclic``: the objects that the scan sends in every cycle. ``require_unclaimed``: as in ``NodeAccess``."""
         self._objects = objects
+        self._require_unclaimed = require_unclaimed
         self._dictionary = dictionary
         self.cyclic = cyclic
 
@@ -62,7 +67,8 @@ class SdoAccess:
         """Write an object, checked against its type and limits.
 
         Raises:
-            StateError: the object is in an RPDO that the scan sends: the value would be overwritten at once.
+            StateError: the object is in an RPDO that the scan sends: the value would be overwritten at once; or the node is being
+                booted, or its program is being written.
             ArgumentError, LimitError: no such object, or a value out of its range.
             SdoAbort, SdoTimeout: the node refuses, or does not answer.
         """
@@ -73,6 +79,7 @@ class SdoAccess:
                 observed="a value written by SDO would be overwritten at once",
                 remedy="use the commands of the axis for it",
             )
+        self._require_unclaimed(f"the value of {index:04X}h:{subindex:02X}")
         self._objects.write(index, subindex, value)
 
     def _resolve(self, key: Key) -> tuple[int, int]:
@@ -118,7 +125,7 @@ class NodeAccess:
         self.plans = parts.plans
         dictionary = Dictionary(eds, node_id)
         self.sdo = (
-            SdoAccess(parts.objects, dictionary, _cyclic(parts.plans))
+            SdoAccess(parts.objects, dictionary, _cyclic(parts.plans), self.require_unclaimed)
             if parts.objects_refused is None
             else NoSdoAccess(parts.objects_refused, parts.objects, dictionary)
         )
@@ -156,10 +163,11 @@ class NodeAccess:
         have processed the new state, so that a reset may follow at once.
 
         Raises:
-            StateError: the node uses CAN Simple, which has no NMT.
+            StateError: the node uses CAN Simple, which has no NMT; or it is being booted, or its program is being written.
             NodeRefused: the node is present and reports another state; the error includes its error state.
             NodeTimeout: no confirmation.
         """
+        self.require_unclaimed(f"the NMT command {command.name.lower().replace('_', ' ')}")
         before = self._node.nmt.reports
         try:
             self._node.command(command, timeout)
@@ -168,6 +176,15 @@ class NodeAccess:
                 error.observed = f"{error.observed}; {self._errors()}"
             raise
         self._await_cycle()
+
+    def require_unclaimed(self, what: str) -> None:
+        """Check that the node is not being booted and its program not written; ``what`` would be sent.
+
+        Raises:
+            StateError: it is: a write or an NMT command would disturb that.
+        """
+        if self._core is not None:
+            self._core.require_unclaimed(self.node_id, what)
 
     def boot(self, progress: Callable[[str], None] = lambda _: None) -> NodeReport:
         """Boot the node while the machine runs, as when it was opened (CiA 302-2), and return its report; energises nothing.

@@ -164,6 +164,9 @@ class RemoteCore:
                 return state.written
             time.sleep(_PROGRESS_PERIOD)
 
+    def require_unclaimed(self, node_id: int, what: str) -> None:
+        """As ``CoreInterface.require_unclaimed``; the core itself checks each request."""
+
     def leave(self, reason: str) -> list[AxisbusError]:
         """As ``CoreInterface.leave``; afterwards the process has ended."""
         began = time.monotonic()

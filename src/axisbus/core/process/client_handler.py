@@ -67,8 +67,13 @@ NODE_REQUESTS: Mapping[str, Callable[..., Any]] = {
 }
 
 
-# Requests that change something: only for the client with control.
-COMMANDING = frozenset({"write", "write_unchecked", "download", "command"})
+# Requests that change something, as messages name them: only for the client with control.
+COMMANDING = {
+    "write": "a value",
+    "write_unchecked": "a value",
+    "download": "a value",
+    "command": "an NMT command",
+}
 
 
 # Requests about a node that are still of interest after the core has ended.
@@ -227,6 +232,7 @@ class ClientHandler:
             return None
         if message.what in COMMANDING:
             self._require_control(message.what)
+            core.require_unclaimed(message.node, COMMANDING[message.what])
         return NODE_REQUESTS[message.what](core.nodes[message.node], *message.arguments)
 
     def _boot_up(self, message: m.CoreQuery) -> object:
