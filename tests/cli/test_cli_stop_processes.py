@@ -188,6 +188,7 @@ def test_if_the_machine_is_not_reached_its_drives_are_stopped_over_the_bus(axisb
         assert code == 0, (out, err)
         assert re.search(r"x: (stopped, power is off|is at standstill, held|was not energised)", out)
         assert f"process {process.pid} " in err or way == "a copy of the cell file"
+        assert ("it can boot its nodes and move its axes again" in err) is (way != "a copy of the cell file")
         assert "next: bring the nodes up again" in out
     finally:
         process.kill()

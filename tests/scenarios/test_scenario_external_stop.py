@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from collections.abc import Iterator
@@ -12,10 +13,12 @@ from typing import Self
 import can
 import pytest
 
+from axisbus.bus.link.claims import CellFileId, ChannelClaim
 from axisbus.cia301.nmt import NmtState
 from axisbus.cli.main import cli
 from axisbus.cli.shared.common import run
 from axisbus.core import node_stop
+from axisbus.machine import stop_external
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from kit.plant_probe import ENABLED, OFF, QUICK_STOP
@@ -33,12 +36,13 @@ TIMES = (
 
 @pytest.fixture
 def axisbus_stop(monkeypatch, capsys):
-    """Run ``axisbus stop CELL``; return the exit code and the output."""
+    """Run ``axisbus stop CELL``; return the exit code, the output and the errors."""
 
-    def call(line: Line) -> tuple[int, str]:
+    def call(line: Line) -> tuple[int, str, str]:
         monkeypatch.setattr(sys, "argv", ["axisbus", "stop", str(line.file)])
         monkeypatch.setattr(node_stop, "_MAX_TIME", patience(node_stop._MAX_TIME))
-        return run(cli), capsys.readouterr().out
+        code = run(cli)
+        return (code, *capsys.readouterr())
 
     return call
 
@@ -58,7 +62,7 @@ def live(folder, names: str = "xy") -> Iterator[tuple[Line, Machine]]:
 @BESIDE
 def test_the_drives_of_a_live_master_stop_and_it_takes_that_as_a_fault(tmp_path, axisbus_stop):
     with live(tmp_path) as (line, machine):
-        code, told = axisbus_stop(line)
+        code, told, _ = axisbus_stop(line)
         for name in "xy":
             line.must_be_still(name, stages=STOPPED, within=0.1)
         assert code == 0, told
@@ -69,6 +73,29 @@ def test_the_drives_of_a_live_master_stop_and_it_takes_that_as_a_fault(tmp_path,
             line.must_be_still(name, stages=STOPPED, within=0.1, for_good=0.5)
             assert line.devices[name].nmt is NmtState.STOPPED
         assert "x: " in told
+
+
+def test_a_machine_that_did_not_get_the_stop_is_named_with_what_it_can_do(
+    tmp_path, monkeypatch, axisbus_stop
+):
+    """Its core is in its program: its drives are stopped, but that program continues."""
+    with live(tmp_path) as (line, _), monkeypatch.context() as patch:
+        own = ChannelClaim(
+            "claim",
+            True,
+            False,
+            "can0",
+            CellFileId.of(line.file),
+            "",
+            os.getpid(),
+            os.geteuid(),
+            os.getegid(),
+        )
+        patch.setattr(stop_external, "found_of", lambda _: [own])
+        code, told, errors = axisbus_stop(line)
+        assert (code, "x: stopped" in told) == (0, True)
+        assert f"process {os.getpid()} " in errors
+        assert "it can boot its nodes and move its axes again" in errors
 
 
 class Stubborn(Talker):
@@ -103,7 +130,7 @@ def test_a_master_that_continues_sending_enable_operation_is_cut_off(tmp_path, a
         machine._core.scan.quit()  # from here on only the stubborn one sends
         until(lambda: not machine._core._thread.is_alive())
         line.must_move()
-        code, told = axisbus_stop(line)
+        code, told, _ = axisbus_stop(line)
         line.must_be_still(stages=STOPPED, within=0.1, for_good=0.6)
         assert code == 0, told
 
@@ -125,7 +152,7 @@ def test_stopping_neither_boots_nor_resets_nor_configures(tmp_path, axisbus_stop
 
 def test_axisbus_stop_reports_a_cell_that_is_not_energised(tmp_path, axisbus_stop):
     with Line(tmp_path, "x") as line:
-        code, told = axisbus_stop(line)
+        code, told, _ = axisbus_stop(line)
         assert code == 0
         assert "was not energised" in told
         assert line.stage() != ENABLED
@@ -133,7 +160,7 @@ def test_axisbus_stop_reports_a_cell_that_is_not_energised(tmp_path, axisbus_sto
 
 def test_a_node_that_does_not_answer_is_reported_and_sets_the_exit_code(tmp_path, axisbus_stop):
     with Line(tmp_path, "xy", present="y") as line:
-        code, told = axisbus_stop(line)
+        code, told, _ = axisbus_stop(line)
     assert code == 3
     assert "x: NOT CONFIRMED as stopped" in told
     assert "y: was not energised" in told
@@ -153,7 +180,7 @@ def test_a_motor_that_turns_on_without_power_is_not_reported_as_stopped(tmp_path
                 drive.target_velocity = round(300.0 * line.scale_of("x"))
         line.device_write("x", 0x605A, 0)  # its quick stop lets it coast
         line.must_move()
-        code, told = axisbus_stop(line)
+        code, told, _ = axisbus_stop(line)
         line.must_move()
         assert code == 3
         assert "x: NOT CONFIRMED as stopped: its power is off" in told
@@ -171,7 +198,7 @@ def test_a_motor_that_something_holds_in_quick_stop_loses_its_power_unless_it_ho
             drive.start_enabled(1)
             drive.dials.blocked = True
             drive.axis.position += 90.0 * line.scale_of("x")
-        code, told = axisbus_stop(line)
+        code, told, _ = axisbus_stop(line)
         assert code == (3 if load else 0)
         assert ("x: NOT CONFIRMED as stopped" in told) is bool(load)
         assert line.stage() in ((QUICK_STOP,) if load else OFF)

@@ -54,9 +54,9 @@ def stop_cell(cell: CellConfig, report: Callable[[str], None]) -> tuple[list[Sto
 
     ``report`` is called with texts about machines that were found and not reached. Blocks and raises as ``stop_on_bus``.
     """
-    simulated = cell.bus.interface == SIMULATED
+    simulated, claims = cell.bus.interface == SIMULATED, claims_of(cell)
     contacted = _contact(
-        cell.file, claims_of(cell), StopRequest(), _LONG_TIMEOUT if simulated else _SHORT_TIMEOUT, report
+        cell.file, claims, StopRequest(), _LONG_TIMEOUT if simulated else _SHORT_TIMEOUT, report
     )
     if simulated:
         return _answers(cell.axes, contacted) or [
@@ -74,7 +74,15 @@ def stop_cell(cell: CellConfig, report: Callable[[str], None]) -> tuple[list[Sto
         for each in answer.axes:
             if not each.ok:
                 report(f"{each.axis}: {each.text}; so this program stops its drive directly")
-    return [*seen.values(), *stop_on_bus(cell, remaining)], True
+    results = [*seen.values(), *stop_on_bus(cell, remaining)]
+    reached = [claim for claim, _ in answered]
+    for claim in claims:
+        if claim not in reached:
+            report(
+                f"the machine that {described(claim.process)} runs did not get the stop: it can boot its nodes and move its axes "
+                "again; end that program"
+            )
+    return results, True
 
 
 def stop_in_machine(
