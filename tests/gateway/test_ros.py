@@ -220,8 +220,11 @@ def test_without_points_the_named_axes_halt_or_all_if_none_is_named():
 # -- freshness -------------------------------------------------------------------------------------------------------
 
 
+EPOCH = 1e6  # seconds: the wall clock at 0.0 of the monotonic clock
+
+
 def sent(number, at, gid=b"a" * 16):
-    return Attachment(number, round((1e6 + at) * 1e9), gid)  # by a clock that is far from ours
+    return Attachment(number, round((EPOCH + at) * 1e9), gid)
 
 
 def test_repeated_reordered_or_late_messages_are_not_fresh():
@@ -229,15 +232,29 @@ def test_repeated_reordered_or_late_messages_are_not_fresh():
     for now in range(1, 60):
         fresh.beat(now / 10)
         if now % 10 == 0:
-            fresh.require(sent(now, now / 10 - 0.01), now / 10)
+            fresh.require(sent(now, now / 10 - 0.01), now / 10, EPOCH + now / 10)
     with pytest.raises(StateError, match="twice"):
-        fresh.require(sent(50, 5.0), 5.9)
+        fresh.require(sent(50, 5.0), 5.9, EPOCH + 5.9)
     with pytest.raises(StateError, match="twice"):
-        fresh.require(sent(20, 5.8), 5.9)
+        fresh.require(sent(20, 5.8), 5.9, EPOCH + 5.9)
     with pytest.raises(StateError, match="too late"):
-        fresh.require(sent(60, 4.7), 5.9)
-    fresh.require(sent(61, 5.8), 5.9)
-    fresh.require(sent(1, 0.0, b"b" * 16), 5.9)  # another publisher, by another clock
+        fresh.require(sent(60, 4.7), 5.9, EPOCH + 5.9)
+    fresh.require(sent(61, 5.8), 5.9, EPOCH + 5.9)
+    fresh.require(sent(1, 9.0, b"b" * 16), 5.9, EPOCH + 5.9)  # another publisher, by another clock
+
+
+def test_the_first_message_of_a_publisher_is_not_fresh_if_it_is_old():
+    """A network that has stalled delivers it, and those after it, when its sender does not expect a motion any more."""
+    fresh = Freshness(5.0)
+    for number in (1, 2, 3):
+        with pytest.raises(StateError, match="the first trajectory of a publisher arrived too late"):
+            fresh.require(sent(number, float(number)), 5.2, EPOCH + 5.2)
+    slow = b"c" * 16  # by a clock that is 100 s slow: once compared with its own messages, it is fresh
+    with pytest.raises(StateError, match="synchronise"):
+        fresh.require(sent(1, -94.8, slow), 5.2, EPOCH + 5.2)
+    fresh._beat = 6.3
+    fresh.require(sent(4, 6.2), 6.3, EPOCH + 6.3)
+    fresh.require(sent(2, -93.7, slow), 6.3, EPOCH + 6.3)
 
 
 def test_messages_of_a_publisher_with_a_slow_clock_stay_fresh_and_late_ones_are_late():
@@ -245,42 +262,42 @@ def test_messages_of_a_publisher_with_a_slow_clock_stay_fresh_and_late_ones_are_
     for number in range(1, 2000):  # 5.5 h, in which its clock loses 2 s
         now = number * 10.0
         fresh._beat = now
-        fresh.require(sent(number, now * (1.0 - 1e-4)), now)
+        fresh.require(sent(number, now * (1.0 - 1e-4)), now, EPOCH + now)
     fresh._beat = now = 20_000.0
     with pytest.raises(StateError, match="too late"):
-        fresh.require(sent(2000, now * (1.0 - 1e-4) - 1.1), now)
+        fresh.require(sent(2000, now * (1.0 - 1e-4) - 1.1), now, EPOCH + now)
     fresh._beat = now = 1e6  # after a long time without a message, too
     with pytest.raises(StateError, match="too late"):
-        fresh.require(sent(2001, 1e6 - 10.0), now)
+        fresh.require(sent(2001, 1e6 - 10.0), now, EPOCH + now)
 
 
 def test_a_sender_whose_clock_was_set_back_is_told_to_restart():
     fresh = Freshness(0.0)
-    fresh.require(sent(1, 3600.0), 0.1)
+    fresh.require(sent(1, 3600.0), 0.1, EPOCH + 0.1)
     fresh.beat(0.4)
     with pytest.raises(StateError, match="too late") as caught:
-        fresh.require(sent(2, 0.3), 0.4)
+        fresh.require(sent(2, 0.3), 0.4, EPOCH + 0.4)
     assert "if the clock of the sender was set back, restart the sender" in str(caught.value.remedy)
-    fresh.require(sent(1, 0.3, b"b" * 16), 0.4)  # after its restart it is another publisher
+    fresh.require(sent(1, 0.3, b"b" * 16), 0.4, EPOCH + 0.4)  # after its restart it is another publisher
 
 
 def test_messages_received_after_a_suspension_of_the_bridge_are_not_fresh():
     fresh = Freshness(0.0)
     fresh.beat(0.1)
     with pytest.raises(StateError, match="was suspended"):
-        fresh.require(sent(1, 0.0), 5.0)  # before its own beat
+        fresh.require(sent(1, 0.0), 5.0, EPOCH + 5.0)  # before its own beat
     fresh.beat(5.0)
     with pytest.raises(StateError, match="was suspended"):
-        fresh.require(sent(2, 0.0), 5.0)
+        fresh.require(sent(2, 0.0), 5.0, EPOCH + 5.0)
     for tenth in range(51, 62):
         fresh.beat(tenth / 10)
-    fresh.require(sent(3, 6.1), 6.1)
+    fresh.require(sent(3, 6.1), 6.1, EPOCH + 6.1)
 
 
 def test_of_a_crowd_of_publishers_only_some_are_kept():
     fresh = Freshness(0.0)
     for number in range(1000):
-        fresh.require(sent(1, 0.0, number.to_bytes(16, "big")), 0.1)
+        fresh.require(sent(1, 0.0, number.to_bytes(16, "big")), 0.1, EPOCH + 0.1)
     assert len(fresh._known) == 256
 
 

@@ -199,6 +199,9 @@ def test_wrong_stale_huge_or_random_messages_move_nothing(ros, machine):
         ros.put(good, attachment)
     ros.put(good, ros.attachment(number=1))  # it was there
     ros.put(good, ros.attachment(sent=time.time_ns() - 5 * 10**9))  # it took longer than those before
+    ros.put(
+        good, ros.attachment(sent=time.time_ns() - 5 * 10**9, gid=b"N" * 16)
+    )  # the first one of its publisher
     time.sleep(0.3)
     now, there = time.time_ns(), (1.0, rad(x + 5, y + 5))
     for joints, *rows, stamp in (

@@ -198,7 +198,7 @@ def _ros(parts: Sequence[bytes]) -> None:
         if names is not None:
             assert set(to_halt(names, ("x", "y"))) <= {"x", "y"}
         with suppress(AxisbusError):
-            freshness.require(attachment_of(attached), float(number))
+            freshness.require(attachment_of(attached), float(number), float(number))
         with suppress(AxisbusError):
             judged(trajectory_of(data), joints, time.time_ns())
             taken += 1

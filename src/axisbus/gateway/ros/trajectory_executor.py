@@ -114,7 +114,7 @@ class Commander:
             return
         attachment = attachment_of(attached)
         with self._beating:
-            self._freshness.require(attachment, now)
+            self._freshness.require(attachment, now, time.time())
         with self._lock:
             halts = self._halts
         try:
@@ -250,7 +250,9 @@ def _told(wanted: RosTrajectory) -> str:
 # The clocks of two computers are not compared. The transmission time of a message is known except for the difference of both
 # clocks. So the shortest time of a publisher's messages is stored, and a message that took ``HELD_UP`` longer is late. The stored
 # time grows by the drift of the clocks: otherwise, if the publisher's clock is slow by 0.1 ms per second, all of its messages would
-# be late after three hours. A program that did not run for a while (suspended, starved) then receives all waiting messages at once:
+# be late after three hours. The first message of a publisher has no other one to be compared with: it is late if it is old by the
+# clock of this computer, and so are those that arrive within ``AGAIN`` after it, because a stalled network delivers its messages
+# together. A program that did not run for a while (suspended, starved) then receives all waiting messages at once:
 # for ``AGAIN`` after that, no message is fresh.
 
 
@@ -265,6 +267,7 @@ _REMEDY = "send it again, with another number"
 class _Known:
     number: int
     lag: MessageLag
+    late_until: float = 0.0  # of a publisher whose first message was late
 
 
 class Freshness:
@@ -281,8 +284,8 @@ class Freshness:
             self._from = now + AGAIN
         self._beat = now
 
-    def require(self, attachment: Attachment, now: float) -> None:
-        """Check that a message is fresh, and note it.
+    def require(self, attachment: Attachment, now: float, wall: float) -> None:
+        """Check that a message is fresh, and note it; ``wall``: the time in s since 1970 by the clock of this computer.
 
         Raises:
             StateError: the message is not fresh.
@@ -291,7 +294,8 @@ class Freshness:
         known = self._known.get(attachment.gid)
         lag = (MessageLag(most=HELD_UP) if known is None else known.lag).told(sent, now)
         newest = max(number, number if known is None else known.number)
-        self._note(attachment.gid, _Known(newest, lag))
+        late_until = known.late_until if known is not None else now + AGAIN if wall - sent > HELD_UP else 0.0
+        self._note(attachment.gid, _Known(newest, lag, late_until))
         if now - self._beat > STOOD or now < self._from:
             raise StateError(
                 "a trajectory arrived while the bridge was suspended",
@@ -302,6 +306,12 @@ class Freshness:
                 "a trajectory arrived twice, or out of order",
                 observed=f"its number is {number}, and {known.number} had arrived before",
                 remedy=_REMEDY,
+            )
+        if now < late_until:
+            raise StateError(
+                "the first trajectory of a publisher arrived too late",
+                observed=f"by the clock of its sender it was sent {wall - sent:.1f} s ago",
+                remedy=f"{_REMEDY}; if the clocks of both computers differ, synchronise them",
             )
         late = lag.lateness(sent, now)
         if late > HELD_UP:
