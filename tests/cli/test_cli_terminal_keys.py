@@ -6,9 +6,11 @@ import contextlib
 import io
 import os
 import sys
+from types import SimpleNamespace
 
 import pytest
 
+from axisbus.cli import jog
 from axisbus.cli.jog import Keyboard, TerminalKey, TerminalKeyReader, keyboard
 from axisbus.errors import StateError
 
@@ -67,6 +69,21 @@ def test_a_keyboard_waits_no_longer_than_its_timeout_and_returns_none(ends):
     assert Keyboard(ends[0]).read(0.01) is None
     os.write(ends[1], b"\x1b[D")
     assert Keyboard(ends[0]).read(5.0) is TerminalKey.BACK
+
+
+def test_keys_that_have_waited_while_the_command_was_suspended_move_nothing(ends, monkeypatch):
+    now = [100.0]
+    monkeypatch.setattr(jog, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    keys = Keyboard(ends[0])
+    for waited, pressed, key in (
+        (10.0, b"\x1b[C", None),
+        (0.2, b"\x1b[C", TerminalKey.FORWARD),
+        (10.0, b"\x1b[C ", TerminalKey.HALT),
+        (10.0, b"q", TerminalKey.QUIT),
+    ):
+        os.write(ends[1], pressed)
+        now[0] += waited
+        assert keys.read(0.05) is key
 
 
 def test_a_closed_terminal_counts_as_the_quit_key(ends):

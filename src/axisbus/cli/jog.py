@@ -92,9 +92,20 @@ class Keyboard:
     def __init__(self, terminal: int) -> None:
         self._terminal = terminal
         self._keys = TerminalKeyReader()
+        self._read_at = time.monotonic()
 
     def read(self, patience: float) -> TerminalKey | None:
-        """Return the key pressed within ``patience`` s, None if there was none; *quit* if the terminal is gone."""
+        """Return the key pressed within ``patience`` s, None if there was none; *quit* if the terminal is gone.
+
+        A key that may have waited in the terminal for more than 0.2 s is old, and moves nothing: this command was suspended, or
+        waited for a halt. *halt* and *quit* always count.
+        """
+        key, before = self._read(patience), self._read_at
+        self._read_at = time.monotonic()
+        old = self._read_at - before > patience + _HELD
+        return None if old and key in _SIGN else key
+
+    def _read(self, patience: float) -> TerminalKey | None:
         if not select.select([self._terminal], [], [], patience)[0]:
             return None
         try:
