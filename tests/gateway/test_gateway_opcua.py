@@ -34,6 +34,7 @@ from axisbus.gateway.opcua.axis_readings import ImageFreshness
 from axisbus.gateway.opcua.event_mapping import OpcuaEvent
 from axisbus.gateway.opcua.limited_server import CHECKED, GuardedServer, OpcuaUserManager
 from axisbus.gateway.opcua.methods import MethodResult, OpcuaMethod, given
+from axisbus.gateway.opcua.monitoring import LimitedSubscription
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.gateway.opcua.session import GuardedSession
 from axisbus.gateway.opcua.trust import TrustingFactory
@@ -365,6 +366,82 @@ def test_of_clients_without_a_name_only_one_request_waits_before_those_of_users(
     asyncio.run(crowd())
     assert order.index(True) <= 1
     assert len(order) == 21
+
+
+def test_thousands_of_waiting_values_are_sent_in_messages_between_which_other_tasks_run():
+    """asyncua packed all of them at once, and no method was called meanwhile."""
+    sent, others = [], []
+
+    async def send(result, _request):
+        values = result.NotificationMessage.NotificationData[0].MonitoredItems
+        sent.append((len(values), result.MoreNotifications, len(others)))
+
+    async def publish():
+        made = ua.CreateSubscriptionResult(RevisedPublishingInterval=100.0)
+        subscription = LimitedSubscription(
+            made, None, send, ua.NodeId(1), request_callback=lambda _: "a request"
+        )
+        subscription.turn = asyncio.Lock()
+        for item in range(1, 1101):
+            for _ in range(10):
+                await subscription.enqueue_datachange_event(item, ua.MonitoredItemNotification(), 100)
+        publishing = asyncio.create_task(subscription.publish_results())
+        while not publishing.done():
+            others.append(len(sent))
+            await asyncio.sleep(0)
+
+    asyncio.run(publish())
+    assert [count for count, *_ in sent] == [limits.NOTIFICATIONS] * 11
+    assert [more for _, more, _ in sent] == [True] * 10 + [False]
+    assert len({seen for *_, seen in sent}) == 11
+
+
+def test_of_a_client_without_a_name_few_values_wait_in_all_and_the_newest_stay(monkeypatch):
+    monkeypatch.setattr(limits, "NAMELESS_WAITING", 10)
+
+    async def fill(named):
+        made = ua.CreateSubscriptionResult(RevisedPublishingInterval=100.0)
+        subscription = LimitedSubscription(made, None, None, ua.NodeId(1))
+        subscription.is_named = named
+        for value in range(20):
+            for item in range(1, 1 + (5 if value else 1)):
+                given = ua.MonitoredItemNotification(ClientHandle=value)
+                await subscription.enqueue_datachange_event(item, given, 15)
+        return [
+            [each.ClientHandle for each in values] for values in subscription._triggered_datachanges.values()
+        ]
+
+    assert asyncio.run(fill(False)) == [[18, 19]] * 5
+    assert asyncio.run(fill(True)) == [list(range(5, 20))] * 5
+
+
+def test_clients_without_a_name_get_a_limited_number_of_items_for_events(server, monkeypatch):
+    monkeypatch.setattr(limits, "NAMELESS_EVENTS", 3)
+
+    async def monitor(seen: Visit):
+        subscription = await seen.client.create_subscription(1000, Heard())
+        params = ua.CreateMonitoredItemsParameters(SubscriptionId=subscription.subscription_id)
+        params.ItemsToCreate = [event_item(ua.EventFilter()) for _ in range(2)]
+        made = [await seen.client.uaclient.create_monitored_items(params) for _ in range(2)]
+        return [each.StatusCode.name for every in made for each in every]
+
+    assert visit(server.url, monitor) == ["Good"] * 3 + ["BadTooManyMonitoredItems"]
+    assert visit(server.url, monitor, ANNA) == ["Good"] * 4
+
+
+def test_clients_without_a_name_get_a_limited_number_of_items_of_one_variable(server, machine, monkeypatch):
+    """Each new value is written to all of them at once."""
+    monkeypatch.setattr(limits, "NAMELESS_OF_VARIABLE", 3)
+
+    async def monitor(seen: Visit):
+        subscription = await seen.client.create_subscription(1000, SimpleNamespace())
+        made = await subscription.subscribe_data_change([seen.node(POSITION)] * 5)
+        other = await subscription.subscribe_data_change([seen.node(f"{Y}/PositionActualValue")])
+        return [code for code in (*made, other) if isinstance(code, ua.StatusCode)], len(made)
+
+    codes, made = visit(server.url, monitor)
+    assert ([code.name for code in codes], made) == (["BadTooManyMonitoredItems"] * 2, 5)
+    assert visit(server.url, monitor, ANNA)[0] == []
 
 
 def test_a_method_of_another_object_and_extra_arguments_are_refused(server, machine):

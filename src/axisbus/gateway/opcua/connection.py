@@ -14,6 +14,7 @@ from typing import Any
 from asyncua import ua
 from asyncua.common.connection import TransportLimits
 from asyncua.common.utils import Buffer
+from asyncua.server import subscription_service
 from asyncua.server.binary_server_asyncio import BinaryServer, OPCUAProtocol
 from asyncua.server.uaprocessor import UaProcessor
 from asyncua.ua import ua_binary
@@ -21,6 +22,7 @@ from asyncua.ua.ua_binary import nodeid_from_binary, struct_from_binary
 
 from axisbus.gateway.opcua import limits
 from axisbus.gateway.opcua.limited_server import CHECKED, GuardedServer
+from axisbus.gateway.opcua.monitoring import LimitedSubscription
 
 log = logging.getLogger("axisbus")
 _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
@@ -313,5 +315,6 @@ def install() -> None:
     Buffer.read = _read_soundly
     ua_binary._create_uatype_array_deserializer = _array
     ua_binary._create_list_deserializer = _list
+    subscription_service.InternalSubscription = LimitedSubscription
     for cached in (ua_binary._create_type_deserializer, ua_binary._create_dataclass_deserializer):
         cached.cache_clear()  # decoders made before have no limits

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import logging
+from collections import Counter
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,6 +13,7 @@ from asyncua import ua
 from asyncua.common.utils import ServiceError
 from asyncua.crypto.permission_rules import UserRole
 from asyncua.server.internal_session import InternalSession
+from asyncua.server.internal_subscription import InternalSubscription
 from asyncua.server.monitored_item_service import (
     MonitoredItemData,
     MonitoredItemService,
@@ -26,10 +30,69 @@ _Op = ua.FilterOperator
 _NOT_EVALUATED = {_Op.Like, _Op.Cast, _Op.InView, _Op.RelatedTo, _Op.BitwiseAnd, _Op.BitwiseOr}  # by asyncua
 _THING = 50  # bytes of a value that is neither a text nor an array
 _BASE = ua.NodeId(ua.ObjectIds.BaseEventType)
+_Value = tuple[ua.NodeId, int]  # a node and its attribute
+
+
+class LimitedSubscription(InternalSubscription):
+    """A subscription that sends its values in messages of limited size, one message after the other of all subscriptions.
+
+    asyncua sends all waiting values in one message: with thousands of items it took seconds to pack, and a stop of a user waited.
+    """
+
+    turn: asyncio.Lock | None = None  # that of all subscriptions of a server
+    is_named = True  # whether its client has a name; otherwise its waiting values are limited together
+    _triggered_datachanges: dict[int, list[ua.MonitoredItemNotification]]
+
+    async def publish_results(self, requestdata: Any = None) -> bool:
+        """Send the waiting values, as far as the client has requested messages."""
+        sent = await self._publish_one(requestdata)
+        more = sent
+        while more and self._triggered_datachanges and self.pub_request_callback:
+            more = await self._publish_one(None)
+        return sent
+
+    async def _publish_one(self, requestdata: Any) -> bool:
+        async with self.turn or contextlib.nullcontext():
+            await asyncio.sleep(0)  # the methods of users are called between two messages
+            return bool(await super().publish_results(requestdata))
+
+    async def enqueue_datachange_event(
+        self, mid: int, eventdata: ua.MonitoredItemNotification, maxsize: int
+    ) -> None:
+        """Let a value wait. Of a client without a name few wait: a million would make garbage collections long."""
+        waiting = self._triggered_datachanges.get(mid)
+        if not self.is_named:
+            items = len(self._triggered_datachanges) + (waiting is None)
+            maxsize = max(1, min(maxsize, limits.NAMELESS_WAITING // items))
+        if waiting is not None:
+            del waiting[: max(0, len(waiting) + 1 - maxsize)]
+        await super().enqueue_datachange_event(mid, eventdata, maxsize)
+
+    def _pop_publish_result(self) -> ua.PublishResult:
+        result = super()._pop_publish_result()
+        result.MoreNotifications = bool(self._triggered_datachanges)
+        return result
+
+    def _pop_triggered_datachanges(self, result: ua.PublishResult) -> None:
+        """Move the values of the items that have waited longest to a message, up to ``limits.NOTIFICATIONS``."""
+        sent: dict[int, list[ua.MonitoredItemNotification]] = {}
+        room = limits.NOTIFICATIONS
+        for item in list(self._triggered_datachanges):
+            if room <= 0:
+                break
+            sent[item] = self._triggered_datachanges.pop(item)
+            room -= len(sent[item])
+        waiting, self._triggered_datachanges = self._triggered_datachanges, sent
+        super()._pop_triggered_datachanges(result)
+        self._triggered_datachanges = waiting
 
 
 class Subscriptions(SubscriptionService):
     """All subscriptions: an event that one of them cannot process still goes to all others."""
+
+    def __init__(self, *given: Any) -> None:
+        super().__init__(*given)
+        self.turn = asyncio.Lock()
 
     async def trigger_event(self, event: Any, subscription_id: int | None = None) -> None:
         """Send an event to one subscription, or to all."""
@@ -44,6 +107,12 @@ class Subscriptions(SubscriptionService):
     def items(self) -> int:
         """The number of their items."""
         return sum(len(each.monitored_item_srv._monitored_items) for each in self.subscriptions.values())
+
+    @property
+    def event_items(self) -> int:
+        """The number of their items for events: the filter of each is evaluated for each event, without a pause."""
+        every = [each.monitored_item_srv._monitored_events for each in self.subscriptions.values()]
+        return sum(len(items) for events in every for items in events.values())
 
 
 class _Values(MonitoredItemValues):
@@ -96,7 +165,8 @@ class MonitoringSession(InternalSession):
         together = self.subscription_service.items + len(asked) <= most
         if not together or len(service._monitored_items) + len(asked) > limits.MONITORED:
             raise ServiceError(_Codes.BadTooManyMonitoredItems)
-        codes = [self._refusal(each) for each in asked]
+        fresh = Counter[_Value]()
+        codes = [self._refusal(each, fresh) for each in asked]
         params.ItemsToCreate = [each for each, code in zip(asked, codes, strict=True) if code is None]
         made = iter(await super().create_monitored_items(params))
         return [
@@ -104,11 +174,25 @@ class MonitoringSession(InternalSession):
             for code in codes
         ]
 
-    def _refusal(self, asked: ua.MonitoredItemCreateRequest) -> int | None:
+    def _refusal(self, asked: ua.MonitoredItemCreateRequest, fresh: Counter[_Value]) -> int | None:
+        """Return why an item is refused, None if it is not; ``fresh``: the accepted items of the request, by their values."""
         item = asked.ItemToMonitor
+        event = item.AttributeId == ua.AttributeIds.EventNotifier
+        value = ua.NodeId() if event else item.NodeId, item.AttributeId
+        most = limits.NAMELESS_EVENTS if event else limits.NAMELESS_OF_VARIABLE
+        present = self.subscription_service.event_items if event else self._monitored(value)
+        if not self.is_named and present + fresh[value] >= most:
+            return _Codes.BadTooManyMonitoredItems
+        fresh[value] += 1
         if weight(self.aspace.read_attribute_value(item.NodeId, item.AttributeId).Value) > limits.LARGE:
             return _Codes.BadNotSupported
         return _refusal(item.AttributeId, asked.RequestedParameters.Filter)
+
+    def _monitored(self, value: _Value) -> int:
+        """Return the number of items that monitor a value: each write of the value reaches all of them without a pause."""
+        node = self.aspace.get(value[0])
+        attribute = None if node is None else node.attributes.get(value[1])
+        return 0 if attribute is None else len(attribute.datachange_callbacks)
 
     async def modify_monitored_items(
         self, params: ua.ModifyMonitoredItemsParameters

@@ -136,6 +136,7 @@ class GuardedSession(MonitoringSession):
         params.RequestedPublishingInterval = fit
         made = await super().create_subscription(params, callback, request_callback)
         subscription = self.subscription_service.subscriptions[made.SubscriptionId]
+        subscription.turn, subscription.is_named = self.subscription_service.turn, self.is_named
         subscription.monitored_item_srv = Items(subscription, self.aspace)
         return made
 
