@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
+from axisbus.errors import OwnershipError
 from axisbus.machine.axis import Axis
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
 from axisbus.web.access.tokens import Role
+from axisbus.web.commands import clients
 from kit.cell import cell_file
 from kit.page_clients import Pages
 
@@ -224,6 +227,27 @@ def test_a_jog_of_a_disabled_axis_is_refused_once(pages):
     pages.beat(place, times=20)
     assert [kind for kind, _ in pages.told(place)] == ["failed"]
     assert not place.deadman.held
+
+
+@pytest.mark.parametrize("soon", [True, False], ids=["at once", "by its handle"])
+def test_a_jog_without_control_of_the_machine_does_not_halt_the_motion_of_another_program(
+    pages, monkeypatch, soon
+):
+    place = pages.operator()
+    pages.enabled(place, "x")
+    pages.machine["x"].move_velocity(30.0).wait(5)
+    refused = OwnershipError("this program does not have control of the machine")
+
+    def jog(*_: object, **__: object) -> SimpleNamespace:
+        if soon:
+            raise refused
+        return SimpleNamespace(busy=False, exception=lambda: refused)
+
+    monkeypatch.setattr(clients, "jog", jog)
+    pages.press += 1
+    pages.beat(place)
+    assert pages.speed() == pytest.approx(30.0, abs=0.5)
+    assert any("does not have control" in text for _, text in pages.told(place))
 
 
 @pytest.mark.parametrize("velocity", ["nan", "1e9"])

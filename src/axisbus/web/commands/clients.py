@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from axisbus.client_support.dead_man import DeadMan
 from axisbus.client_support.merged_stops import MergedStops
-from axisbus.errors import AxisbusError, Interrupted, Replaced, seen_of
+from axisbus.errors import AxisbusError, Interrupted, OwnershipError, Replaced, seen_of
 from axisbus.ipc.rate import Bucket
 from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
@@ -161,7 +161,7 @@ class PageClients:
         try:
             self._do(client, decision, request, now)
         except AxisbusError as error:
-            self._end_jog(client)
+            self._end_jog_for(client, error)
             client.tell(_of_error("refused", error), now)
 
     def _do(self, client: PageClient, action: PageAction, request: PageRequest, now: float) -> None:
@@ -233,6 +233,13 @@ class PageClients:
         if axis:
             self._halt(client, axis)
 
+    def _end_jog_for(self, client: PageClient, error: AxisbusError) -> None:
+        """End the jog for an error. Without control of the machine, any motion is that of another program, and is not halted."""
+        if isinstance(error, OwnershipError):
+            client.deadman = client.deadman.ended()
+        else:
+            self._end_jog(client)
+
     def _halt(self, client: PageClient, axis: str) -> None:
         client.running.append(self._machine[axis].halt())
 
@@ -275,7 +282,7 @@ class PageClients:
                 if error is None or isinstance(error, Replaced):
                     continue
                 if handles is client.jogs:
-                    self._end_jog(client)
+                    self._end_jog_for(client, error)
                 if not isinstance(error, Interrupted):
                     client.tell(_of_error("failed", error), now)
                 elif handles is client.running:
