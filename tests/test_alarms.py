@@ -17,7 +17,7 @@ from axisbus.core.inprocess import CommandLog
 from axisbus.errors import AxisbusError, DriveError, NodeError, one_line
 from axisbus.gateway.machine_events import _fault as happening_of_bridge
 from axisbus.gateway.ros.node import RosLogThread
-from axisbus.gateway.zenoh.publishing import _told as told_by_zenoh
+from axisbus.gateway.zenoh.publishing import _error_text as told_by_zenoh
 from axisbus.ipc.errors import from_fields, to_fields
 from axisbus.machine.handle import NOBODY, Handle, wait
 from axisbus.machine.machine import _add_notes
@@ -45,7 +45,7 @@ def alarming(by: str) -> DriveError:
 def ros_log_text(error: AxisbusError) -> str:
     lines: list[str] = []
     saying = RosLogThread(lines.append)
-    saying.tell("no", error)
+    saying.report("no", error)
     saying.close()
     return "".join(lines)
 

@@ -25,7 +25,7 @@ CHANGES = {(0x6081, 0): 123_456, (0x6083, 0): 7_654_321, (0x607D, 1): -50_000, (
 @pytest.fixture
 def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(store_parameters, "RESTART_SEEN", 0.3)
+    monkeypatch.setattr(store_parameters, "RESTART_DETECTION_TIME", 0.3)
     return command_line.runner(monkeypatch, capsys)
 
 

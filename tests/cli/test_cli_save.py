@@ -17,7 +17,7 @@ STORED = 0x1010 << 8 | 1
 @pytest.fixture
 def axisbus(monkeypatch, capsys, tmp_path) -> command_line.Run:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(store_parameters, "RESTART_SEEN", 0.3)
+    monkeypatch.setattr(store_parameters, "RESTART_DETECTION_TIME", 0.3)
     return command_line.runner(monkeypatch, capsys)
 
 

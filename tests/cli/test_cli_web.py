@@ -81,7 +81,7 @@ def test_an_invalid_cell_file_is_reported_first(axisbus, tmp_path):
     assert "interface" in err
 
 
-@pytest.mark.parametrize(("options", "role"), [((), Role.OPERATOR), (("--look",), Role.LOOKER)])
+@pytest.mark.parametrize(("options", "role"), [((), Role.OPERATOR), (("--look",), Role.OBSERVER)])
 def test_with_look_every_page_is_one_of_an_observer(monkeypatch, options, role):
     """Also if no machine runs, so that this command opens one."""
     given = []
@@ -100,7 +100,7 @@ def test_with_look_every_page_is_one_of_an_observer(monkeypatch, options, role):
 
     monkeypatch.setattr("axisbus.web.server.PageServer", Fake)
     monkeypatch.setattr("axisbus.cli.web.machine_of", lambda *_args, **_more: nullcontext())
-    monkeypatch.setattr("axisbus.cli.web.BesideAxes", lambda _: SimpleNamespace(lines=[]))
+    monkeypatch.setattr("axisbus.cli.web.MachineStatus", lambda _: SimpleNamespace(lines=[]))
     with pytest.raises(LookupError, match="enough"):
         web.command.main([str(command_line.CELL), "--port", "0", *options], standalone_mode=False)
     assert given == [role]

@@ -42,7 +42,7 @@ def test_an_ended_jog_needs_another_press():
 
 
 def test_a_burst_of_delayed_beats_moves_nothing():
-    dead = DeadMan().told(0.0, OFFSET + 0.01)
+    dead = DeadMan().updated(0.0, OFFSET + 0.01)
     dead = beaten(dead, 1.0)
     late = 3.0 + OFFSET  # all at once
     for beat in range(1, 40):
@@ -51,7 +51,7 @@ def test_a_burst_of_delayed_beats_moves_nothing():
 
 
 def test_a_stream_that_is_even_but_late_moves_nothing():
-    dead = DeadMan().told(0.0, OFFSET + 0.01)
+    dead = DeadMan().updated(0.0, OFFSET + 0.01)
     for beat in range(20):
         dead = beaten(dead, 1.0 + beat * 0.05, lag=0.3)
         assert not dead.held
@@ -59,7 +59,7 @@ def test_a_stream_that_is_even_but_late_moves_nothing():
 
 
 def test_a_press_that_began_too_late_stays_ended():
-    dead = beaten(DeadMan().told(0.0, OFFSET + 0.01), 1.0, lag=0.5)
+    dead = beaten(DeadMan().updated(0.0, OFFSET + 0.01), 1.0, lag=0.5)
     assert not dead.held
     assert not beaten(dead, 1.6).held
 
@@ -74,7 +74,7 @@ def test_another_axis_or_direction_is_another_press():
 def test_clocks_that_run_apart_do_not_stop_a_jog_after_hours(rate):
     dead = DeadMan()
     for beat in range(4 * 3600):
-        dead = dead.told(float(beat), OFFSET + beat * rate + 0.01)
+        dead = dead.updated(float(beat), OFFSET + beat * rate + 0.01)
     now = 4 * 3600.0
     assert dead.beaten(1, "x", 1.0, now, OFFSET + now * rate + 0.01).held
 
@@ -108,4 +108,4 @@ def test_for_any_messages_a_held_press_was_renewed_in_time(events):
         highest = max(highest, press)
         if dead.held:
             assert dead.press == alive
-            assert now - dead.heard == 0.0
+            assert now - dead.last_signal == 0.0

@@ -40,7 +40,7 @@ def test_a_restore_writes_the_values_that_the_device_had_answered(path):
     made = backup(drive, reader.read(path.read_bytes(), str(path)), dcf.Settings(NODE))
     again = reader.read(writer.dumps(made.reading), "backup.dcf").eds
     selection = select(again, NODE, GENERIC)
-    assert Restore(drive, selection).look() == []
+    assert Restore(drive, selection).read_present() == []
     device = Scrambled(drive, [item.key for item in selection.items])
     report = Restore(device, selection).run()
     assert {each.outcome for each in report.results} <= {ValueEnd.RESTORED, ValueEnd.SAME}

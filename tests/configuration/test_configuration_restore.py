@@ -306,7 +306,7 @@ def test_after_an_interruption_at_any_write_the_next_run_names_the_differences_a
     assert not stamped or not _differing(device)  # 1020h vouches for nothing that is not whole
     device.budget = None
     again = Restore(device, SELECTION)
-    assert {item.key for item in again.look()} == _differing(device)
+    assert {item.key for item in again.read_present()} == _differing(device)
     assert again.run().ok
     assert not _differing(device)
 

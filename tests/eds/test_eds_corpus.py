@@ -106,7 +106,7 @@ def test_one_changed_value_is_one_changed_line(readings: dict[str, reader.EdsPar
         for section in chance.sample(sections, min(5, len(sections))):
             key = chance.choice(list(section.entries))
             after = writer.dumps(edit.apply(document, [edit.set_value(document, section, key, "4711x")]))
-            line, column = document.place(section, key)
+            line, column = document.location(section, key)
             changed = document.lines[line - 1][: column - 1] + "4711x"
             tail = document.lines[line - 1][column - 1 :].removeprefix(section.entries[key])
             lines = [*document.lines[: line - 1], changed + tail, *document.lines[line:]]

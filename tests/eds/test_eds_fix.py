@@ -77,7 +77,7 @@ I8, I32, U8, BOOL, TEXT, OCTETS = "0x2", "0x4", "0x5", "0x1", "0x9", "0xA"
 def test_a_value_is_written_as_the_standard_has_it(rule: str, data_type: str, given: str, meant: str) -> None:
     before = variable("2000", DataType=data_type, DefaultValue=given)
     done = fixed(before)
-    assert [each.rule for each in done.mended] == [rule]
+    assert [each.rule for each in done.fixes] == [rule]
     assert mended(before) == variable("2000", DataType=data_type, DefaultValue=meant)
     assert rule not in [each.rule for each in done.reading.eds.findings]
 
@@ -101,7 +101,7 @@ def test_a_value_is_written_as_the_standard_has_it(rule: str, data_type: str, gi
 )
 def test_values_that_need_judgement_are_left_unchanged(data_type: str, given: str) -> None:
     before = variable("2000", DataType=data_type, DefaultValue=given)
-    assert fixed(before).mended == ()
+    assert fixed(before).fixes == ()
     assert mended(before) == before
 
 
@@ -131,14 +131,14 @@ def test_values_that_need_judgement_are_left_unchanged(data_type: str, given: st
 )  # fmt: skip
 def test_a_section_is_fixed_in_its_lines(rule: str, before: str, after: str) -> None:
     done = fixed(before)
-    assert [each.rule for each in done.mended] == [rule]
+    assert [each.rule for each in done.fixes] == [rule]
     assert mended(before) == after
 
 
 def test_letters_of_the_baud_rates_and_the_access_are_those_of_the_standard() -> None:
     head = HEAD.replace("VendorNumber=1", "Baudrate_500=1\nBaudRate_125=1")
     done = fixed(variable("2000", AccessType="RO"), head)
-    assert [each.rule for each in done.mended] == ["D012", "O019"]
+    assert [each.rule for each in done.fixes] == ["D012", "O019"]
     assert writer.dumps(done.reading).decode() == (head + variable("2000", AccessType="ro")).replace(
         "Baudrate", "BaudRate"
     )
@@ -154,7 +154,7 @@ def test_the_number_of_sub_indices_counts_all_but_the_structure() -> None:
 def test_255_compact_sub_indices_become_254_without_a_further_change() -> None:
     before = "[2000]\nParameterName=a\nObjectType=8\nDataType=5\nAccessType=rw\nCompactSubObj=0xFF\nSubNumber=255\n"
     done = fixed(before)
-    assert [each.rule for each in done.mended] == ["O013", "B001"]
+    assert [each.rule for each in done.fixes] == ["O013", "B001"]
     assert mended(before) == before.replace("0xFF", "0xFE").replace("SubNumber=255", "SubNumber=0")
 
 
@@ -167,7 +167,7 @@ def test_a_list_in_the_middle_of_a_merge_is_left_to_a_person() -> None:
     before = (
         "[OptionalObjects]\nSupportedObjects=9\n<<<<<<< HEAD\n1=0x1001\n=======\n1=0x1002\n>>>>>>> theirs\n"
     )
-    assert fixed(before).mended == ()
+    assert fixed(before).fixes == ()
 
 
 def test_the_second_of_two_equal_sections_is_removed_and_its_comment_stays() -> None:
@@ -176,14 +176,14 @@ def test_the_second_of_two_equal_sections_is_removed_and_its_comment_stays() -> 
     assert mended(f"{twin}\n{twin}; mine\n\n{other}") == f"{twin}\n; mine\n{other}"
     assert mended(f"{twin}\n{twin}") == f"{twin}\n"
     different = twin + "\n" + variable("2000", DefaultValue="1")
-    assert fixed(different).mended == ()
+    assert fixed(different).fixes == ()
 
 
 def test_leading_zeros_are_removed_unless_the_name_is_taken() -> None:
     before = record("2000", variable("2000sub00", DataType=U8), variable("2000sub0A"))
     assert mended(before) == before.replace("sub00", "sub0").replace("sub0A", "subA")
     taken = record("2000", variable("2000sub0", DataType=U8), variable("2000sub00", DataType="6"))
-    assert "O012" not in [each.rule for each in fixed(taken).mended]
+    assert "O012" not in [each.rule for each in fixed(taken).fixes]
 
 
 def test_a_comment_behind_a_value_is_moved_below_it_before_the_value_is_fixed() -> None:
@@ -216,14 +216,14 @@ def test_a_name_is_written_in_ascii_if_that_is_possible(written: str, plain: str
 
 def test_many_names_beyond_ascii_are_one_fix() -> None:
     body = "; für\n; µm\n" + variable("2000", ParameterName="Größe")
-    (done,) = fixed(body).mended
+    (done,) = fixed(body).fixes
     assert done.what == "; für in ASCII, and 2 more lines"
 
 
 @pytest.mark.parametrize("key", ["DefaultValue", "ParameterValue", "Unit", "UploadFile"])
 def test_a_letter_that_a_device_or_tool_compares_stays(key: str) -> None:
     before = variable("2000", DataType=TEXT, **{key: "Größe"})
-    assert (fixed(before).mended, mended(before)) == ((), before)
+    assert (fixed(before).fixes, mended(before)) == ((), before)
 
 
 def test_a_missing_sub_index_is_not_counted_away() -> None:
@@ -236,7 +236,7 @@ def test_a_missing_sub_index_is_not_counted_away() -> None:
     )
     for before in (missing, record("2000", variable("2000sub1"), variable("2000sub2"))):
         wrong = re.sub("SubNumber=([0-9])", lambda found: f"SubNumber={int(found[1]) + 1}", before)
-        assert fixed(wrong).mended == ()
+        assert fixed(wrong).fixes == ()
 
 
 def test_the_counts_of_a_file_that_ends_in_the_middle_are_not_made_to_fit() -> None:
@@ -248,7 +248,7 @@ def test_the_counts_of_a_file_that_ends_in_the_middle_are_not_made_to_fit() -> N
     )
     lists = "[ManufacturerObjects]\nSupportedObjects=3\n1=0x2000\n2=0x2001\n3=0x2002\n\n"
     done = fixed(lists + before.rstrip())
-    assert [each.rule for each in done.mended] == ["V001"]
+    assert [each.rule for each in done.fixes] == ["V001"]
 
 
 @pytest.mark.parametrize(
@@ -264,7 +264,7 @@ def test_the_counts_of_a_file_that_ends_in_the_middle_are_not_made_to_fit() -> N
     ],
 )
 def test_texts_that_the_check_does_not_count_or_know_are_not_fixed(body: str) -> None:
-    assert fixed(body).mended == ()
+    assert fixed(body).fixes == ()
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16-le", "utf-16-be"])
@@ -275,13 +275,13 @@ def test_a_byte_order_mark_is_removed(encoding: str) -> None:
     for name in ("Speed", "速度"):
         text = HEAD + variable("2000", ParameterName=name)
         done = fix(reader.read(bom + text.encode(encoding), "x.eds"))
-        assert [each.rule for each in done.mended] == ["S002"]
+        assert [each.rule for each in done.fixes] == ["S002"]
         assert writer.dumps(done.reading) == text.encode()
 
 
 def test_lines_that_end_in_cr_alone_end_in_lf() -> None:
     done = fix(reader.read(HEAD.replace("\n", "\r").encode(), "x.eds"))
-    assert [each.rule for each in done.mended] == ["S014"]
+    assert [each.rule for each in done.fixes] == ["S014"]
     assert writer.dumps(done.reading) == HEAD.encode()
 
 
@@ -299,7 +299,7 @@ def test_lines_are_named_as_the_original_has_them() -> None:
     original = reader.read((HEAD + before).encode(), "test.eds")
     done = fix(original)
     wrong = [line for line, raw in enumerate(original.document.lines, 1) if "0xFF" in raw]
-    assert [each.line for each in done.mended if each.rule == "V010"] == wrong
+    assert [each.line for each in done.fixes if each.rule == "V010"] == wrong
 
 
 def test_the_diff_has_the_unified_format() -> None:
@@ -353,7 +353,7 @@ def test_fixing_a_file_twice_changes_no_more_than_fixing_it_once(lines: list[str
     done = fix(before)
     again = reader.read(writer.dumps(done.reading), "x.eds")
     assert list(again.document.lines) == list(done.reading.document.lines)
-    assert fix(again).mended == ()
+    assert fix(again).fixes == ()
     comments = [line.strip() for line in before.document.lines if line.strip()[:1] == ";"]
     kept = [line.strip() for line in again.document.lines]
     assert all(comment in kept for comment in comments)
@@ -365,7 +365,7 @@ def test_fixed_real_files_are_read_with_the_same_content() -> None:
         before = reader.read(path.read_bytes(), path.name)
         done = fix(before)
         again = reader.read(writer.dumps(done.reading), path.name)
-        assert fix(again).mended == (), path.name
+        assert fix(again).fixes == (), path.name
         unreadable = [each.index for each in before.eds.findings if each.rule == "V001"]
         ours, then = without_lines(again.eds), without_lines(before.eds)
         assert {k: v for k, v in ours.items() if k not in unreadable} == {
@@ -382,7 +382,7 @@ def test_fix_repairs_findings_of_check() -> None:
         if len(before.eds.findings) > 900:
             continue  # not all of it is listed
         done = fix(before)
-        assert {each.rule for each in done.mended} <= {each.rule for each in found}, path.name
+        assert {each.rule for each in done.fixes} <= {each.rule for each in found}, path.name
         counts = Counter((each.rule, each.index, each.subindex) for each in found)
         after = Counter((each.rule, each.index, each.subindex) for each in check(done.reading))
         assert after - counts == Counter(), path.name

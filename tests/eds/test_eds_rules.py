@@ -45,7 +45,7 @@ def test_the_base_is_clean() -> None:
 
 def test_every_rule_has_a_case_and_code() -> None:
     assert {case.rule for case in CASES} | WITHOUT_A_CASE == set(rules())
-    assert engine.LOOKS.keys() <= rules().keys()
+    assert engine.RULE_FUNCTIONS.keys() <= rules().keys()
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.rule)
@@ -396,12 +396,12 @@ def test_a_word_that_is_mapped_and_cannot_be_is_an_error_at_the_word() -> None:
 
 def test_the_rules_do_not_depend_on_docstrings():
     """An interpreter that removes them (-OO) finds the same."""
-    program = "import sys; from axisbus.eds.rules import engine; print(*sorted(engine.LOOKS))"
+    program = "import sys; from axisbus.eds.rules import engine; print(*sorted(engine.RULE_FUNCTIONS))"
     found = [
         subprocess.run(
             [sys.executable, *options, "-c", program], capture_output=True, text=True, check=True
         ).stdout.split()
         for options in ((), ("-OO",))
     ]
-    assert found[0] == found[1] == sorted(engine.LOOKS)
+    assert found[0] == found[1] == sorted(engine.RULE_FUNCTIONS)
     assert len(found[0]) > 100

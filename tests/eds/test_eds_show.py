@@ -273,7 +273,7 @@ def test_facts_for_programs() -> None:
         export_values.entry(eds.objects[0x1800], eds.objects[0x1800].subs[1], None)["default"]
         == "$NODEID+0x180"
     )
-    (pdo,) = export_values.whole(eds, 5)["pdos"]
+    (pdo,) = export_values.all_values(eds, 5)["pdos"]
     assert (pdo["name"], pdo["cob_id"], pdo["transmission_type"]) == ("TPDO1", 0x185, 255)
     assert [(slot["name"], slot["first_bit"], slot["bits"], slot["signed"]) for slot in pdo["mapping"]] == [
         ("Statusword", 0, 16, False),

@@ -66,7 +66,7 @@ def test_compact_entries_are_equal_at_each_access_and_counted_if_alike() -> None
     subs = read(compact_objects(1).removeprefix(HEAD)).objects[0x2000].subs
     assert subs[5] == subs[5]
     assert (len(subs), 254 in subs, 255 in subs) == (255, True, False)
-    assert [many for _, many in compact.alike(subs)] == [1, 254]
+    assert [many for _, many in compact.grouped(subs)] == [1, 254]
 
 
 NOISE = {

@@ -9,10 +9,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from axisbus.errors import AxisbusError, CommandError, LimitError, OwnershipError, Stopped
-from axisbus.fleet.cell_state import AXES, FRESH, KEPT, NEWEST, CellWatch, EventLog
-from axisbus.fleet.command_retry import SILENCE, Again, CommandRetry, Situation, error_of
+from axisbus.fleet.cell_state import AXES, FRESH, MAX_EVENTS, NEWEST, CellWatch, EventLog
+from axisbus.fleet.command_retry import SILENCE, CommandRetry, SendAgain, Situation, error_of
 from axisbus.fleet.fleet import unreached
-from axisbus.fleet.lease_session import LeaseKeeper
+from axisbus.fleet.lease_session import HeldLease
 from axisbus.fleet.messages import (
     PROTOCOL,
     AxisInfo,
@@ -51,33 +51,33 @@ def watch():
 
 
 def test_the_age_of_a_value_counts_by_the_local_clock_from_its_received_age(watch):
-    watch.take_state("x", state(1, age=0.3), 10.0, 100.0)
-    assert watch.seen("x", 10.0).fresh
-    assert watch.seen("x", 10.5).age == pytest.approx(0.8)
-    assert watch.seen("x", 10.0 + FRESH - 0.31).fresh
-    assert not watch.seen("x", 10.0 + FRESH - 0.29).fresh
+    watch.store_state("x", state(1, age=0.3), 10.0, 100.0)
+    assert watch.last_state("x", 10.0).fresh
+    assert watch.last_state("x", 10.5).age == pytest.approx(0.8)
+    assert watch.last_state("x", 10.0 + FRESH - 0.31).fresh
+    assert not watch.last_state("x", 10.0 + FRESH - 0.29).fresh
 
 
 def test_late_and_duplicate_values_change_nothing(watch):
-    assert watch.take_state("x", state(5, position=5.0), 10.0, 100.0)
-    assert not watch.take_state("x", state(5, position=6.0), 10.9, 100.0)
-    assert not watch.take_state("x", state(4, position=4.0), 10.9, 100.0)
-    assert watch.seen("x", 10.0).state.position == 5.0
-    assert watch.seen("x", 11.0).age == pytest.approx(1.0)
+    assert watch.store_state("x", state(5, position=5.0), 10.0, 100.0)
+    assert not watch.store_state("x", state(5, position=6.0), 10.9, 100.0)
+    assert not watch.store_state("x", state(4, position=4.0), 10.9, 100.0)
+    assert watch.last_state("x", 10.0).state.position == 5.0
+    assert watch.last_state("x", 11.0).age == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("odd", [state(1, age=None), state(1, told="unknown"), state(1, age=1.5)])
 def test_a_value_unknown_to_the_cell_is_unknown_here(watch, odd):
-    watch.take_state("x", odd, 10.0, 100.0)
-    assert not watch.seen("x", 10.0).fresh
+    watch.store_state("x", odd, 10.0, 100.0)
+    assert not watch.last_state("x", 10.0).fresh
 
 
 def test_states_that_a_congested_network_delivers_late_but_regularly_are_not_fresh(watch):
     """The delay grows to 3 s while ten states a second arrive. The bridge's clock differs by 500 s, and its clock is slow."""
 
     def receive(n, at, delay):
-        watch.take_state("x", state(n, age=0.01, sent=(at - delay) * (1.0 - 1e-4) + 500.0), at, 100.0)
-        return watch.seen("x", at)
+        watch.store_state("x", state(n, age=0.01, sent=(at - delay) * (1.0 - 1e-4) + 500.0), at, 100.0)
+        return watch.last_state("x", at)
 
     for n in range(1, 100):
         assert receive(n, n / 10, 0.02 * (n % 3)).fresh
@@ -86,7 +86,7 @@ def test_states_that_a_congested_network_delivers_late_but_regularly_are_not_fre
         seen = receive(n, n / 10, delay)
         assert seen.age == pytest.approx(delay, abs=0.1)
         assert seen.fresh is (seen.age <= FRESH)
-    assert not watch.seen("x", 20.0).fresh
+    assert not watch.last_state("x", 20.0).fresh
     assert receive(200, 20.5, 0.0).fresh
     watch.token(False, 21.0)  # its computer is suspended for an hour, and so is its monotonic clock
     watch.token(True, 3620.0)
@@ -94,55 +94,55 @@ def test_states_that_a_congested_network_delivers_late_but_regularly_are_not_fre
 
 
 def test_the_state_of_an_unreachable_cell_is_not_fresh_at_once(watch):
-    watch.take_state("x", state(1), 10.0, 100.0)
+    watch.store_state("x", state(1), 10.0, 100.0)
     watch.token(False, 10.1)
     assert not watch.alive
     assert watch.since == 10.1
-    assert not watch.seen("x", 10.1).fresh
+    assert not watch.last_state("x", 10.1).fresh
 
 
 def test_a_restarted_bridge_counts_from_1_and_values_of_the_one_before_are_dropped(watch):
-    watch.take_info(info(), 100.0)
-    watch.take_state("x", state(500), 10.0, 100.0)
-    assert watch.take_state("x", state(1, "b", position=2.0), 10.1, 100.0)
+    watch.store_info(info(), 100.0)
+    watch.store_state("x", state(500), 10.0, 100.0)
+    assert watch.store_state("x", state(1, "b", position=2.0), 10.1, 100.0)
     assert watch.info is None  # to be requested again
-    assert not watch.take_state("x", state(501), 10.2, 100.0)
-    assert not watch.take_info(info("a"), 100.0)
-    assert watch.seen("x", 10.2).state.position == 2.0
+    assert not watch.store_state("x", state(501), 10.2, 100.0)
+    assert not watch.store_info(info("a"), 100.0)
+    assert watch.last_state("x", 10.2).state.position == 2.0
 
 
 def test_two_bridges_of_one_name_are_reported_once_neither_can_be_one_that_was_killed(watch):
     watch.presence("a", True, 10.0)
-    assert not watch.rivals(20.0)
+    assert not watch.has_second_bridge(20.0)
     watch.presence("b", True, 20.0)
-    assert not watch.rivals(21.0)
-    assert watch.rivals(22.5)
+    assert not watch.has_second_bridge(21.0)
+    assert watch.has_second_bridge(22.5)
     watch.presence("a", False, 23.0)
-    assert not watch.rivals(23.0)
+    assert not watch.has_second_bridge(23.0)
 
 
 def test_of_two_bridges_the_first_counts_until_it_ends(watch):
     watch.presence("a", True, 10.0)
-    assert watch.take_state("x", state(1, "a"), 10.0, 100.0)
+    assert watch.store_state("x", state(1, "a"), 10.0, 100.0)
     watch.presence("b", True, 11.0)
-    assert not watch.take_state("x", state(1, "b"), 11.0, 100.0)
+    assert not watch.store_state("x", state(1, "b"), 11.0, 100.0)
     watch.presence("a", False, 12.0)
-    assert watch.take_state("x", state(2, "b"), 12.0, 100.0)
+    assert watch.store_state("x", state(2, "b"), 12.0, 100.0)
     watch.presence("a", True, 13.0)  # over another connection
     watch.presence("b", False, 14.0)
-    assert watch.take_state("x", state(2, "a"), 14.0, 100.0)
+    assert watch.store_state("x", state(2, "a"), 14.0, 100.0)
 
 
 def test_messages_of_a_bridge_that_is_not_present_change_nothing(watch):
     watch.presence("a", True, 10.0)
-    watch.take_state("x", state(1, "a"), 10.0, 100.0)
-    assert not watch.take_state("x", state(9, "nobody"), 10.1, 100.0)
-    assert not watch.take_event(event(9, "nobody"))
-    assert watch.seen("x", 10.1).state.n == 1
+    watch.store_state("x", state(1, "a"), 10.0, 100.0)
+    assert not watch.store_state("x", state(9, "nobody"), 10.1, 100.0)
+    assert not watch.store_event(event(9, "nobody"))
+    assert watch.last_state("x", 10.1).state.n == 1
 
 
 def test_of_more_axes_than_a_cell_has_nothing_is_kept(watch):
-    taken = [watch.take_state(f"x{n}", state(n + 1), 10.0, 100.0) for n in range(AXES + 10)]
+    taken = [watch.store_state(f"x{n}", state(n + 1), 10.0, 100.0) for n in range(AXES + 10)]
     assert taken.count(True) == AXES
 
 
@@ -154,19 +154,19 @@ def test_a_bridge_that_waits_for_its_machine_is_there_and_its_cell_is_not(watch)
 
 
 def test_the_axes_are_in_the_order_of_the_cell_file_if_it_is_known(watch):
-    watch.take_state("x", state(1), 10.0, 100.0)
-    watch.take_state("a", state(2), 10.0, 100.0)
+    watch.store_state("x", state(1), 10.0, 100.0)
+    watch.store_state("a", state(2), 10.0, 100.0)
     assert watch.axes == ("a", "x")
-    watch.take_info(info(), 100.0)
+    watch.store_info(info(), 100.0)
     assert watch.axes == ("y", "x")
     assert watch.axis_info("y").unit == "mm"
     assert watch.axis_info("z") is None
 
 
 def test_a_difference_of_the_clocks_is_reported_and_changes_no_age(watch):
-    watch.take_state("x", state(1, clock=4000.0), 10.0, 100.0)
+    watch.store_state("x", state(1, clock=4000.0), 10.0, 100.0)
     assert watch.clock_difference == 3900.0
-    assert watch.seen("x", 10.2).age == pytest.approx(0.2)
+    assert watch.last_state("x", 10.2).age == pytest.approx(0.2)
 
 
 @pytest.mark.parametrize(
@@ -178,7 +178,7 @@ def test_a_difference_of_the_clocks_is_reported_and_changes_no_age(watch):
     ],
 )
 def test_a_version_that_differs_is_reported(watch, told, words):
-    watch.take_info(told, 100.0)
+    watch.store_info(told, 100.0)
     assert words in watch.differs
     assert bool(watch.differs) == bool(words)
 
@@ -225,12 +225,12 @@ def test_with_random_losses_delays_and_duplicates_all_events_are_stored_in_order
         if fate < 0.3:
             late.append(one)
         elif fate < 0.8:
-            log.take(one)
+            log.add(one)
         if late and chance.random() < 0.1:
-            log.take(late.pop())
+            log.add(late.pop())
         if chance.random() < 0.1:
             caught_up(log, bridge)
-    log.take(bridge.happen())
+    log.add(bridge.happen())
     caught_up(log, bridge)
     numbers = [each.n for each in log.events]
     assert numbers == list(range(numbers[0], len(bridge.all) + 1))
@@ -244,7 +244,7 @@ def test_events_that_the_bridge_does_not_keep_are_counted_as_lost():
     caught_up(log, bridge)
     for _ in range(30):
         bridge.happen()
-    log.take(bridge.all[-1])
+    log.add(bridge.all[-1])
     caught_up(log, bridge)
     assert [each.n for each in log.events] == list(range(21, 31))
     assert log.lost == 20
@@ -253,11 +253,11 @@ def test_events_that_the_bridge_does_not_keep_are_counted_as_lost():
 def test_events_from_a_cut_connection_are_requested_even_if_no_new_one_came():
     bridge, log = Bridge(), EventLog()
     log.begin("a")
-    log.take(bridge.happen())
+    log.add(bridge.happen())
     caught_up(log, bridge)
     bridge.happen()
     assert log.missing is None
-    log.doubt()
+    log.require_check()
     caught_up(log, bridge)
     assert [each.n for each in log.events] == [1, 2]
 
@@ -266,7 +266,7 @@ def test_a_restarted_bridge_is_asked_for_its_events_and_earlier_events_are_kept(
     log = EventLog()
     log.begin("a")
     log.answered(NEWEST, EventsAnswer("a"))
-    log.take(event(1))
+    log.add(event(1))
     log.begin("b")
     assert log.missing == NEWEST
     log.answered(NEWEST, EventsAnswer("b", 1, 1))
@@ -287,12 +287,12 @@ def test_numbers_as_large_as_can_be_cost_no_time_and_no_room():
     log = EventLog()
     log.begin("a")
     log.answered(NEWEST, EventsAnswer("a"))
-    log.take(event(1 << 60))
+    log.add(event(1 << 60))
     log.answered(log.missing, EventsAnswer("a", 1 << 60, 1 << 60))
     assert log.lost == (1 << 60) - 1
-    for n in range(3 * KEPT):
-        log.take(event((1 << 60) + n))
-    assert len(log.events) == KEPT
+    for n in range(3 * MAX_EVENTS):
+        log.add(event((1 << 60) + n))
+    assert len(log.events) == MAX_EVENTS
     assert log.missing is None
 
 
@@ -302,12 +302,12 @@ def test_a_gap_that_no_answer_fills_does_not_let_the_log_grow(joined):
     log.begin("a")
     if joined:
         log.answered(NEWEST, EventsAnswer("a"))
-    for n in range(2, 3 * KEPT, 2):
-        log.take(event(n))
-    assert len(log._events) == KEPT
-    assert log.lost == (joined and 3 * KEPT // 2 - 1 - KEPT)
-    log.answered(NEWEST, EventsAnswer("a", 1, 3 * KEPT))
-    assert (log.missing.first, log.missing.last) == (KEPT - 1, KEPT - 1)
+    for n in range(2, 3 * MAX_EVENTS, 2):
+        log.add(event(n))
+    assert len(log._events) == MAX_EVENTS
+    assert log.lost == (joined and 3 * MAX_EVENTS // 2 - 1 - MAX_EVENTS)
+    log.answered(NEWEST, EventsAnswer("a", 1, 3 * MAX_EVENTS))
+    assert (log.missing.first, log.missing.last) == (MAX_EVENTS - 1, MAX_EVENTS - 1)
 
 
 # -- reachable endpoints -----------------------------------------------------------------------------------------------
@@ -335,35 +335,35 @@ def test_an_endpoint_counts_as_reached_if_a_connection_uses_it(endpoints, links,
 
 
 def test_a_lease_is_renewed_in_time_and_counts_from_its_request():
-    keeper = LeaseKeeper("t", 1.0, 10.0)
-    assert not keeper.due(10.2)
-    assert keeper.due(10.26)
-    assert not keeper.due(10.3)  # an answer may come
-    assert keeper.due(10.4)
-    keeper.renewed(1.0, 10.26)
-    assert keeper.left(10.4) == pytest.approx(0.86)
-    assert not keeper.lost(11.25)
-    assert keeper.lost(11.27)
+    lease = HeldLease("t", 1.0, 10.0)
+    assert not lease.due(10.2)
+    assert lease.due(10.26)
+    assert not lease.due(10.3)  # an answer may come
+    assert lease.due(10.4)
+    lease.renewed(1.0, 10.26)
+    assert lease.remaining(10.4) == pytest.approx(0.86)
+    assert not lease.lost(11.25)
+    assert lease.lost(11.27)
 
 
 def test_a_lease_lasts_for_a_minute_at_most():
-    keeper = LeaseKeeper("t", 1e300, 10.0)
-    assert keeper.left(10.0) == 60.0
-    assert keeper.next == 25.0
-    keeper.renewed(1e300, 20.0)
-    assert keeper.left(20.0) == 60.0
+    lease = HeldLease("t", 1e300, 10.0)
+    assert lease.remaining(10.0) == 60.0
+    assert lease.next == 25.0
+    lease.renewed(1e300, 20.0)
+    assert lease.remaining(20.0) == 60.0
 
 
 def test_a_late_answer_neither_shortens_nor_revives_a_lease():
-    keeper = LeaseKeeper("t", 1.0, 10.0)
-    keeper.renewed(1.0, 10.8)
-    keeper.renewed(1.0, 10.3)
-    assert keeper.left(11.0) == pytest.approx(0.8)
-    keeper.refuse(OwnershipError("gone"))
-    keeper.renewed(1.0, 11.5)
-    assert keeper.lost(11.6)
-    assert not keeper.due(11.6)
-    assert keeper.why.message == "gone"
+    lease = HeldLease("t", 1.0, 10.0)
+    lease.renewed(1.0, 10.8)
+    lease.renewed(1.0, 10.3)
+    assert lease.remaining(11.0) == pytest.approx(0.8)
+    lease.refuse(OwnershipError("gone"))
+    lease.renewed(1.0, 11.5)
+    assert lease.lost(11.6)
+    assert not lease.due(11.6)
+    assert lease.why.message == "gone"
 
 
 # -- how commands go on ----------------------------------------------------------------------------------------------------
@@ -386,7 +386,7 @@ def test_an_answer_ends_a_command_as_it_ended_there():
 
 def test_a_running_command_is_requested_again_and_is_active():
     one = order()
-    assert isinstance(one.answered(CommandAnswer("running"), 10.0), Again)
+    assert isinstance(one.answered(CommandAnswer("running"), 10.0), SendAgain)
     assert one.active
 
 
@@ -406,7 +406,7 @@ def test_a_running_command_is_requested_again_and_is_active():
 def test_a_command_without_an_answer_is_requested_again_until_its_end_is_unknown(situation, more, why):
     found = order(**more).unanswered(situation)
     if why is None:
-        assert isinstance(found, Again)
+        assert isinstance(found, SendAgain)
         return
     assert found.status is Status.ERROR
     assert isinstance(found.error, CommandError)
@@ -442,11 +442,11 @@ def test_an_error_without_all_its_texts_can_be_printed():
 def test_the_description_of_a_cell_is_read_again_after_a_loss():
     watch = CellWatch("press", 0.0)
     watch.token(True, 0.0)
-    watch.take_info(info(), 100.0)
+    watch.store_info(info(), 100.0)
     assert watch.informed
     watch.token(False, 1.0)
     watch.token(True, 2.0)
     assert not watch.informed
     assert watch.info is not None  # until the answer is here it is shown as it was
-    watch.take_info(info(), 100.0)
+    watch.store_info(info(), 100.0)
     assert watch.informed

@@ -81,7 +81,7 @@ def test_a_move_whose_answers_are_lost_moves_once(plant, monkeypatch):
     with fleet_of(plant) as fleet, fleet["press"].command() as press:
         press["x"].enable().wait(20)
         begin = press["x"].position
-        heard, lost = zenoh_client._Query.hear, []
+        heard, lost = zenoh_client._Query.on_reply, []
 
         def loses(query, reply):
             if b'"status"' in reply.ok.payload.to_bytes() and len(lost) < 4:
@@ -90,7 +90,7 @@ def test_a_move_whose_answers_are_lost_moves_once(plant, monkeypatch):
             else:
                 heard(query, reply)
 
-        monkeypatch.setattr(zenoh_client._Query, "hear", loses)
+        monkeypatch.setattr(zenoh_client._Query, "on_reply", loses)
         press["x"].move_relative(7.0).wait(20)
         assert len(lost) == 4
         until(lambda: press["x"].position == pytest.approx(begin + 7.0, abs=0.1))

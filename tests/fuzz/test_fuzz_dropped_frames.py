@@ -71,10 +71,10 @@ def test_a_storm_of_emergencies_does_not_fill_the_screen(tmp_path):
             with MadNode(line.channel, storm(1), 0.005):
                 until(lambda: len(machine.node(2).incidents) > 8, 20)
             told: set[str] = set()
-            lines = monitor.news(machine, told)
+            lines = monitor.new_lines(machine, told)
             assert sum("node 2, incident" in each for each in lines) == 3
             assert any(" more incidents of node 2, before these:" in each for each in lines)
             assert len(told) < 100
-            assert not [each for each in monitor.news(machine, told) if "incident" in each]
+            assert not [each for each in monitor.new_lines(machine, told) if "incident" in each]
         finally:
             close(machine)

@@ -31,7 +31,7 @@ def faulty(machine, code=0x8611):
 def test_a_fault_is_reported_once_and_its_incident_at_begin_when_settled_and_at_its_end(machine):
     happenings = MachineEventSource()
     faulty(machine)
-    found = {one.kind: one for one in happenings.look(machine, now(machine))}
+    found = {one.kind: one for one in happenings.poll(machine, now(machine))}
     assert set(found) == {
         MachineEventKind.FAULT,
         MachineEventKind.INCIDENT,
@@ -43,20 +43,20 @@ def test_a_fault_is_reported_once_and_its_incident_at_begin_when_settled_and_at_
     assert "error register" in found[MachineEventKind.EMCY].text
     assert found[MachineEventKind.SETTLED].cause
     assert found[MachineEventKind.FAULT].remedy
-    assert happenings.look(machine, now(machine)) == []
+    assert happenings.poll(machine, now(machine)) == []
     machine["x"].reset().wait(5)
     machine.sleep(0.1)
-    found = happenings.look(machine, now(machine))
+    found = happenings.poll(machine, now(machine))
     assert set(kinds(found)) == {MachineEventKind.EMCY, MachineEventKind.OVER, MachineEventKind.WELL}
     assert {one.severity for one in found} == {"info"}
-    assert happenings.look(machine, now(machine)) == []
+    assert happenings.poll(machine, now(machine)) == []
 
 
 def test_events_are_in_the_order_of_time(machine):
     faulty(machine)
     machine.simulated_node(2).device.dials.dead = True
     machine.sleep(1.0)
-    stamps = [one.stamp for one in MachineEventSource(commands=True).look(machine, now(machine))]
+    stamps = [one.stamp for one in MachineEventSource(commands=True).poll(machine, now(machine))]
     assert len(stamps) > 5
     assert stamps == sorted(stamps)
 
@@ -66,25 +66,25 @@ def test_an_incident_is_settled_only_after_its_messages_are_received(machine):
     machine["x"].enable().wait(5)
     machine.simulated_node(1).fault(0x8611)
     machine.sleep(0.05)
-    assert MachineEventKind.SETTLED not in kinds(happenings.look(machine, now(machine)))
+    assert MachineEventKind.SETTLED not in kinds(happenings.poll(machine, now(machine)))
     machine.sleep(0.5)
-    assert kinds(happenings.look(machine, now(machine))) == [MachineEventKind.SETTLED]
+    assert kinds(happenings.poll(machine, now(machine))) == [MachineEventKind.SETTLED]
 
 
 def test_the_same_fault_after_a_reset_is_reported_again(machine):
     happenings = MachineEventSource()
     for _ in range(2):
         faulty(machine)
-        assert kinds(happenings.look(machine, now(machine))).count(MachineEventKind.FAULT) == 1
+        assert kinds(happenings.poll(machine, now(machine))).count(MachineEventKind.FAULT) == 1
         machine["x"].reset().wait(5)
         machine.sleep(0.1)
-        happenings.look(machine, now(machine))
+        happenings.poll(machine, now(machine))
 
 
 def test_earlier_events_are_reported_only_if_they_still_apply(machine):
     faulty(machine)
     machine.sleep(1.0)
-    assert kinds(MachineEventSource(now(machine), commands=True).look(machine, now(machine))) == [
+    assert kinds(MachineEventSource(now(machine), commands=True).poll(machine, now(machine))) == [
         MachineEventKind.FAULT
     ]
 
@@ -93,16 +93,16 @@ def test_a_late_event_with_an_earlier_time_is_reported_too(machine, monkeypatch)
     happenings = MachineEventSource()
     events = [ControllerEvent(now(machine) - 1.0, "can0", CanErrorState.PASSIVE)]
     monkeypatch.setattr(Machine, "bus_events", property(lambda _: events))
-    assert len(happenings.look(machine, now(machine))) == 1
+    assert len(happenings.poll(machine, now(machine))) == 1
     events.insert(0, ControllerEvent(now(machine) - 2.0, "can0", CanErrorState.WARNING))
-    assert [one.severity for one in happenings.look(machine, now(machine))] == ["warning"]
+    assert [one.severity for one in happenings.poll(machine, now(machine))] == ["warning"]
 
 
 def test_a_lost_node_is_reported_with_its_axes(machine):
     machine.simulated_node(2).device.dials.dead = True
     machine.sleep(1.0)
     (lost,) = (
-        one for one in MachineEventSource().look(machine, now(machine)) if one.kind is MachineEventKind.NODE
+        one for one in MachineEventSource().poll(machine, now(machine)) if one.kind is MachineEventKind.NODE
     )
     assert (lost.severity, lost.about, lost.axes) == ("error", "node 2", ("y",))
 
@@ -114,7 +114,7 @@ def test_a_lost_node_is_reported_with_its_axes(machine):
 def test_the_bus_has_a_remedy_unless_it_is_well_again(machine, monkeypatch, condition, severity):
     events = [ControllerEvent(now(machine), "can0", condition)]
     monkeypatch.setattr(Machine, "bus_events", property(lambda _: events))
-    (one,) = MachineEventSource().look(machine, now(machine))
+    (one,) = MachineEventSource().poll(machine, now(machine))
     assert (one.kind, one.severity, bool(one.remedy)) == (MachineEventKind.BUS, severity, severity != "info")
 
 
@@ -129,7 +129,7 @@ def test_jogs_and_halts_of_the_core_are_reported_only_if_they_fail(machine, monk
     for one in seen:
         with monkeypatch.context() as patched:
             patched.setattr(type(machine.session), "commands", property(lambda _, one=one: [one]))
-            found.append(MachineEventSource(commands=True).look(machine, now(machine)))
+            found.append(MachineEventSource(commands=True).poll(machine, now(machine)))
     assert [len(each) for each in found] == [0, 1, 0, 1, 2, 2]
     assert {one.about for each in found for one in each} == {"x"}
     assert [one.cause for one in found[1]] == [("no",)]
@@ -138,7 +138,7 @@ def test_jogs_and_halts_of_the_core_are_reported_only_if_they_fail(machine, monk
 def test_without_commands_the_core_is_not_queried_for_them(machine, monkeypatch):
     monkeypatch.setattr(type(machine.session), "commands", property(lambda _: pytest.fail("asked")))
     machine["x"].enable().wait(5)
-    assert MachineEventSource().look(machine, now(machine)) == []
+    assert MachineEventSource().poll(machine, now(machine)) == []
 
 
 def test_each_kind_of_event_is_reported_by_a_bridge_and_commands_by_zenoh_only():

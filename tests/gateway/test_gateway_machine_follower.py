@@ -45,7 +45,7 @@ class Runs:
 def follow(monkeypatch):
     """Follow the machine found at each look; return the messages, and the actions."""
 
-    def followed(*found, goes_on=None):
+    def followed(*found, may_continue=None):
         left, said, done = list(found), [], []
 
         def join(_):
@@ -64,7 +64,7 @@ def follow(monkeypatch):
 
         monkeypatch.setattr(machine_follower, "Machine", SimpleNamespace(try_attach=join))
         monkeypatch.setattr(machine_follower, "time", SimpleNamespace(sleep=lambda _: None))
-        MachineFollower("cell.toml", said.append).run(serve, 1.0, goes_on or (lambda: bool(left)))
+        MachineFollower("cell.toml", said.append).run(serve, 1.0, may_continue or (lambda: bool(left)))
         return said, done
 
     return followed
@@ -103,6 +103,6 @@ def test_an_interruption_leaves_it(follow):
 
 def test_the_end_of_the_bridge_leaves_a_running_machine(follow):
     goes = iter([True, True, True, False, False])
-    said, done = follow(Runs(10), goes_on=lambda: next(goes))
+    said, done = follow(Runs(10), may_continue=lambda: next(goes))
     assert done == ["served", "looked", "looked", "left"]
     assert said == [JOINED]

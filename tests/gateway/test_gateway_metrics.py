@@ -77,7 +77,7 @@ def test_values_of_a_machine_are_served_in_their_units(exporter, url, machine):
     exporter.machine = machine
     machine["x"].enable().wait(5)
     machine["x"].move_absolute(5.0).wait(20)
-    exporter.look()
+    exporter.poll()
     samples = read(url)
     assert found(samples, "axisbus_up") == [1.0]
     assert found(samples, "axisbus_axis_position", axis="x", unit=machine["x"].unit) == [
@@ -122,7 +122,7 @@ def test_a_fault_is_served_and_its_message_counted_once(exporter, url, machine):
     machine.simulated_node(1).fault(0x8611)
     machine.sleep(1.0)
     for _ in range(3):
-        exporter.look()
+        exporter.poll()
     samples = read(url)
     assert found(samples, "axisbus_axis_error", axis="x") == [1.0]
     assert found(samples, "axisbus_emcy_total", node="1", code="8611") == [1.0]
@@ -239,7 +239,7 @@ def test_a_thousand_hostile_connections_prevent_no_read(url, crowd):
 
 
 def test_a_client_that_takes_too_long_is_disconnected(url, monkeypatch):
-    monkeypatch.setattr(server, "PATIENCE", 0.3)
+    monkeypatch.setattr(server, "CONNECTION_TIMEOUT", 0.3)
     with socket.create_connection(place_of(url), timeout=5.0) as line:
         line.sendall(b"GET /metrics HTTP/1.1\r\nHost: ")
         assert closed(line, 5.0)
@@ -273,7 +273,7 @@ def test_each_query_of_the_dashboard_names_served_metrics(exporter, url, machine
     machine["x"].enable().wait(5)
     machine.simulated_node(1).fault(0x8611)
     machine.sleep(1.0)
-    exporter.look()
+    exporter.poll()
     with urllib.request.urlopen(url, timeout=10) as answer:
         families = list(text_string_to_metric_families(answer.read().decode()))
     served = {sample.name for family in families for sample in family.samples}
@@ -307,7 +307,7 @@ def until(seen, within=20.0):
 def test_a_client_serves_the_counts_of_the_core(exporter, url, tmp_path, core_in_threads):
     with Machine.open(own_cell(tmp_path)) as machine, Machine.attach(machine.cell.file) as guest:
         exporter.machine = guest
-        exporter.look()
+        exporter.poll()
         before = read(url)
         dials = machine.simulated_node(1).device.dials
         dials.sdo_frames = 0
@@ -316,7 +316,7 @@ def test_a_client_serves_the_counts_of_the_core(exporter, url, tmp_path, core_in
         dials.sdo_aborts = {(0x1008, 0): 0x0800_0000}
         with pytest.raises(SdoAbort):
             guest.node(1).sdo[0x1008]
-        exporter.look()
+        exporter.poll()
         after = read(url)
 
         def grown(name, **labels):

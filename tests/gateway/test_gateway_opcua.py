@@ -124,7 +124,7 @@ def test_the_variables_of_an_axis_have_values_units_and_names_of_states(server, 
 def test_a_value_of_an_image_that_is_old_is_uncertain_and_after_the_machine_bad(server, machine, monkeypatch):
     good(server.url)
     before, _ = visit(server.url, lambda seen: seen.value(POSITION))
-    monkeypatch.setattr(type(server._looker), "image", ImageFreshness.OLD)
+    monkeypatch.setattr(type(server._readings), "image", ImageFreshness.OLD)
     until(
         lambda: visit(server.url, lambda seen: seen.value(POSITION)) == (before, "UncertainLastUsableValue")
     )
@@ -138,9 +138,9 @@ def test_a_read_after_a_pause_looks_at_the_machine_first(server, machine, monkey
     good(server.url)
 
     async def paused(seen: Visit):
-        looker = server._looker
+        looker = server._readings
         monkeypatch.setattr(type(looker), "image", ImageFreshness.NONE)
-        monkeypatch.setattr(server._updater, "_looked", time.monotonic() - 5.0)
+        monkeypatch.setattr(server._updater, "_last_update", time.monotonic() - 5.0)
         return await seen.value(POSITION)
 
     assert visit(server.url, paused) == (None, "BadNoCommunication")
@@ -152,7 +152,7 @@ def test_if_the_machine_cannot_be_read_no_value_stays_good(server, machine, monk
     def fails():
         raise RuntimeError("in the midst of its end")
 
-    monkeypatch.setattr(server._looker, "look", fails)
+    monkeypatch.setattr(server._readings, "poll", fails)
     until(lambda: visit(server.url, lambda seen: seen.value(POSITION)) == (None, "BadNoCommunication"))
     time.sleep(0.5)
     assert len([each for each in caplog.records if each.name == "axisbus"]) == 1
@@ -190,7 +190,7 @@ def test_each_event_is_sent_once_to_each_subscriber_at_the_server_or_the_inciden
         for each, source in zip(heard, (seen.client.nodes.server, seen.node("/Incidents")), strict=True):
             subscription = await seen.client.create_subscription(50, each)
             await subscription.subscribe_events(source, kind)
-        await asyncio.to_thread(server.tell, [told], ("1: a drive",))
+        await asyncio.to_thread(server.report, [told], ("1: a drive",))
         for _ in range(100):
             await asyncio.sleep(0.05)
             if all(each.events for each in heard):
@@ -244,7 +244,7 @@ def held(machine, monkeypatch):
             await asyncio.sleep(0.01)
         return MethodResult("Good" if limit else "BadTimeout", "as in the test")
 
-    monkeypatch.setattr(opcua_server, "carry_out", carried_out)
+    monkeypatch.setattr(opcua_server, "execute", carried_out)
     yield held
     held.over = True
 
@@ -268,7 +268,7 @@ def test_a_stop_and_a_read_do_not_wait_for_an_earlier_call_of_their_connection(s
 
 def test_halt_and_stop_are_given_by_the_merged_stops_of_the_machine(machine):
     seen = []
-    stops = SimpleNamespace(give=lambda *asked: seen.append(asked))
+    stops = SimpleNamespace(send=lambda *asked: seen.append(asked))
     for verb in (OpcuaMethod.HALT, OpcuaMethod.STOP):
         given(machine["x"], verb, stops)
     assert seen == [("x", "halt"), ("x", "quick_stop")]
@@ -321,7 +321,7 @@ def test_waiting_requests_of_clients_without_a_name_delay_no_stop(server, machin
         return MethodResult("Good", "")
 
     monkeypatch.setattr(GuardedSession, "read", counted)
-    monkeypatch.setattr(opcua_server, "carry_out", carried_out)
+    monkeypatch.setattr(opcua_server, "execute", carried_out)
     item = ua.ReadValueId(NodeId=ua.NodeId(f"Machines/cell{POSITION}", 2), AttributeId=ua.AttributeIds.Value)
 
     async def stop_beside_reads():
@@ -354,7 +354,7 @@ def test_of_clients_without_a_name_only_one_request_waits_before_those_of_users(
     order = []
 
     async def take(server, named):
-        await server.await_turn(named=named)
+        await server.await_lock(named=named)
         order.append(named)
 
     async def crowd():
@@ -649,7 +649,7 @@ def test_many_anonymous_clients_leave_room_for_other_addresses_and_for_users(ser
         values = await asyncio.gather(*(each.nodes.server_state.read_value() for each in entered))
         inner = server._updater._server.iserver
         other = inner.create_session(("127.0.0.9", 1))
-        assert inner.has_place(other, named=False)
+        assert inner.admits(other, named=False)
         inner.unregister_external_session(other)
         users = [await connected_client(server.url, ANNA) for _ in range(10)]
         for each in users:
@@ -786,7 +786,7 @@ def test_a_filter_that_cannot_be_evaluated_keeps_no_event_from_others(server):
         subscription = await seen.client.create_subscription(50, heard)
         await subscription.subscribe_events(seen.client.nodes.server, kind)
         await asyncio.to_thread(
-            server.tell, [OpcuaEvent(server.now(), 900, "first"), OpcuaEvent(0, 900, "second")], ()
+            server.report, [OpcuaEvent(server.now(), 900, "first"), OpcuaEvent(0, 900, "second")], ()
         )
         for _ in range(100):
             await asyncio.sleep(0.05)
@@ -820,7 +820,7 @@ def test_events_pass_a_filter_of_their_type_and_of_the_base_type_also_after_a_ch
         handle = await subscription.subscribe_events(
             seen.client.nodes.server, evfilter=of(ua.ObjectIds.AuditEventType)
         )
-        await asyncio.to_thread(server.tell, [OpcuaEvent(server.now(), 900, "before")], ())
+        await asyncio.to_thread(server.report, [OpcuaEvent(server.now(), 900, "before")], ())
         await asyncio.sleep(0.3)
         changes = ua.ModifyMonitoredItemsParameters(SubscriptionId=subscription.subscription_id)
         parameters = ua.MonitoringParameters(ClientHandle=handle, QueueSize=10, Filter=of(kind))
@@ -830,7 +830,7 @@ def test_events_pass_a_filter_of_their_type_and_of_the_base_type_also_after_a_ch
         ]
         (changed,) = await seen.client.uaclient.modify_monitored_items(changes)
         assert changed.StatusCode.is_good()
-        await asyncio.to_thread(server.tell, [OpcuaEvent(server.now(), 900, "after")], ())
+        await asyncio.to_thread(server.report, [OpcuaEvent(server.now(), 900, "after")], ())
         await heard.event()
         return [event.Message.Text for event in heard.events]
 

@@ -19,7 +19,7 @@ from axisbus.gateway.opcua.axis_readings import (
     Quality,
     judged,
 )
-from axisbus.gateway.opcua.event_mapping import told
+from axisbus.gateway.opcua.event_mapping import opcua_events
 from axisbus.gateway.opcua.methods import status_of
 from axisbus.gateway.opcua.server_options import Access, Given, decide
 from axisbus.gateway.opcua.variables import ROWS
@@ -126,13 +126,13 @@ def test_values_of_one_machine_are_not_usable_for_the_next():
 def test_every_value_waits_without_a_machine_and_is_bad_after_the_machine_ended(machine):
     looker = AxisReadings(machine.cell)
     names = {(axis, row.name) for axis in "xy" for row in ROWS}
-    before = looker.look()
+    before = looker.poll()
     assert set(before) == names
     assert {reading.quality for reading in before.values()} == {Quality.WAITING}
     looker.follow(machine)
-    assert looker.look()["x", "PositionActualValue"].quality is Quality.GOOD
+    assert looker.poll()["x", "PositionActualValue"].quality is Quality.GOOD
     looker.follow(None)
-    assert {reading.quality for reading in looker.look().values()} == {Quality.NO_COMMUNICATION}
+    assert {reading.quality for reading in looker.poll().values()} == {Quality.NO_COMMUNICATION}
 
 
 def test_the_served_values_are_those_of_the_axis(machine):
@@ -140,7 +140,7 @@ def test_the_served_values_are_those_of_the_axis(machine):
     looker.follow(machine)
     machine["x"].enable().wait(5)
     machine["x"].move_absolute(5.0).wait(20)
-    seen = looker.look()
+    seen = looker.poll()
     x = machine["x"]
     assert seen["x", "PositionActualValue"].value == pytest.approx(x.position)
     assert seen["x", "VelocityActualValue"].value == pytest.approx(x.velocity)
@@ -159,7 +159,7 @@ def test_of_a_lost_node_only_values_of_the_master_are_good(machine):
     looker.follow(machine)
     machine.simulated_node(1).device.dials.dead = True
     machine.sleep(1.0)
-    seen = looker.look()
+    seen = looker.poll()
     assert seen["x", "PositionActualValue"].quality is Quality.NO_COMMUNICATION
     assert seen["x", "ControlMode"].quality is Quality.NO_COMMUNICATION
     assert variables.AXIS_STATES[seen["x", "AxisState"].value] == "ErrorStop"
@@ -169,9 +169,9 @@ def test_of_a_lost_node_only_values_of_the_master_are_good(machine):
 def test_after_the_machine_has_ended_all_its_values_are_bad(machine):
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
-    looker.look()
+    looker.poll()
     machine.close()
-    assert {reading.quality for reading in looker.look().values()} == {Quality.NO_COMMUNICATION}
+    assert {reading.quality for reading in looker.poll().values()} == {Quality.NO_COMMUNICATION}
 
 
 # -- errors ---------------------------------------------------------------------------------------------------------------
@@ -182,10 +182,10 @@ def test_a_fault_is_reported_once_with_its_message_incident_and_remedy(machine):
     looker = AxisReadings(machine.cell)
     looker.follow(machine)
     machine["x"].enable().wait(5)
-    assert told(happenings.look(machine, looker.now())) == []
+    assert opcua_events(happenings.poll(machine, looker.now())) == []
     machine.simulated_node(1).fault(0x8611)
     machine.sleep(1.0)
-    found = {each.severity: each for each in told(happenings.look(machine, looker.now()))}
+    found = {each.severity: each for each in opcua_events(happenings.poll(machine, looker.now()))}
     fault, incident, emcy = (found.pop(severity) for severity in (900, 800, 700))
     assert emcy.message.startswith("node 1: EMCY 0x8611")
     assert "error register" in emcy.message
@@ -254,11 +254,11 @@ def test_a_user_needs_his_own_password(tmp_path):
         f"# operators\n\n{users.line_of('anna', 'right')}\n{users.line_of('bert', 'other')}\n", "utf-8"
     )
     known = users.read(file)
-    assert known.let_in("anna", "right")
-    assert not known.let_in("anna", "other")
-    assert not known.let_in("anna", "")
-    assert not known.let_in("nobody", "right")
-    assert not known.let_in("anna", "right" + "x" * 10_000)
+    assert known.is_correct("anna", "right")
+    assert not known.is_correct("anna", "other")
+    assert not known.is_correct("anna", "")
+    assert not known.is_correct("nobody", "right")
+    assert not known.is_correct("anna", "right" + "x" * 10_000)
     assert "right" not in file.read_text("utf-8")
 
 
@@ -276,7 +276,7 @@ def test_the_hash_is_that_of_the_standard():
             "d5432955613f0fcf62d49705242a9af9e61e85dc0d651e40dfcf017b45575887"
         ),
     )
-    assert secret.fits("pleaseletmein")  # RFC 7914 12
+    assert secret.matches("pleaseletmein")  # RFC 7914 12
 
 
 @pytest.mark.parametrize(

@@ -24,12 +24,12 @@ from axisbus.fleet.messages import CommandAsk, EventsAsk, HistoryAsk
 from axisbus.fleet.network import ZenohNetwork
 from axisbus.gateway.machine_events import MachineEventSource
 from axisbus.gateway.zenoh import execute, recordings_worker, service
-from axisbus.gateway.zenoh.bridge import told
-from axisbus.gateway.zenoh.command_table import STOPS, VERBS, act_of
+from axisbus.gateway.zenoh.bridge import bridge_events
+from axisbus.gateway.zenoh.command_table import STOPS, VERBS, action_of
 from axisbus.gateway.zenoh.commands import CLIENTS, CommandDeduplicator, Commands, require_id
 from axisbus.gateway.zenoh.execute import DeferredReplies
 from axisbus.gateway.zenoh.lease import SECONDS, CellLease, LeasePhase
-from axisbus.gateway.zenoh.publishing import AT_ONCE, KEPT, BridgeEventLog, Happened, state_of
+from axisbus.gateway.zenoh.publishing import MAX_ANSWER, MAX_EVENTS, BridgeEvent, BridgeEventLog, state_of
 from axisbus.gateway.zenoh.service import ZenohQuery
 from axisbus.machine.axis import Axis
 from axisbus.motion.states import AxisState
@@ -44,7 +44,7 @@ HELD = CellLease().taking("anna", "Anna").taken("t1", 10.0)
 def test_a_lease_lasts_a_second_from_each_renewal_and_not_a_moment_longer():
     assert HELD.holds("anna", "t1", 10.0 + SECONDS - 1e-6)
     assert not HELD.holds("anna", "t1", 10.0 + SECONDS)
-    assert HELD.over(10.0 + SECONDS)
+    assert HELD.expired(10.0 + SECONDS)
     renewed = HELD.renewed(10.9)
     assert renewed.holds("anna", "t1", 11.8)
     assert renewed.seconds(11.0) == pytest.approx(0.9)
@@ -65,14 +65,14 @@ def test_no_other_client_or_token_holds_the_lease(client, token, words):
 
 
 def test_a_lease_is_taken_if_it_is_free_or_taken_over_from_its_holder():
-    assert CellLease().refusal("ben", over=False) is None
-    assert "Anna" in HELD.refusal("ben", over=False).message
-    assert "of this name" in HELD.refusal("anna", over=False).message
-    assert HELD.refusal("ben", over=True) is None
-    assert HELD.ending().refusal("ben", over=False) is None  # it is his once that has ended
+    assert CellLease().refusal("ben", force=False) is None
+    assert "Anna" in HELD.refusal("ben", force=False).message
+    assert "of this name" in HELD.refusal("anna", force=False).message
+    assert HELD.refusal("ben", force=True) is None
+    assert HELD.ending().refusal("ben", force=False) is None  # it is his once that has ended
     taking = CellLease().taking("anna", "")
     assert (taking.phase, taking.holder) == (LeasePhase.TAKING, "anna")
-    assert "is changing its holder" in taking.refusal("ben", over=True).message
+    assert "is changing its holder" in taking.refusal("ben", force=True).message
     assert not HELD.ending().holds("anna", "", 10.1)
 
 
@@ -80,30 +80,30 @@ def test_a_lease_is_taken_if_it_is_free_or_taken_over_from_its_holder():
 
 
 def test_a_repeated_id_gives_the_stored_answer_and_a_lower_one_is_refused():
-    ledger = CommandDeduplicator(kept=3)
+    ledger = CommandDeduplicator(max_commands=3)
     for number in (1, 2, 5):
-        assert ledger.again("anna", number, "what") is None
+        assert ledger.repeated("anna", number, "what") is None
         ledger.enter("anna", number, "what", f"end {number}")
-    assert ledger.again("anna", 5, "what") == "end 5"
-    assert ledger.again("anna", 1, "what") == "end 1"
+    assert ledger.repeated("anna", 5, "what") == "end 5"
+    assert ledger.repeated("anna", 1, "what") == "end 1"
     with pytest.raises(StateError, match="a different command"):
-        ledger.again("anna", 5, "else")
+        ledger.repeated("anna", 5, "else")
     with pytest.raises(StateError, match="too late"):
-        ledger.again("anna", 4, "what")
+        ledger.repeated("anna", 4, "what")
     ledger.enter("anna", 6, "what", "end 6")
     with pytest.raises(StateError, match="too late"):
-        ledger.again("anna", 1, "what")  # kept no more
-    assert ledger.again("ben", 1, "what") is None
+        ledger.repeated("anna", 1, "what")  # kept no more
+    assert ledger.repeated("ben", 1, "what") is None
 
 
 def test_rejected_command_ids_count_as_well_and_the_number_of_clients_is_bounded():
     ledger = CommandDeduplicator()
-    assert [ledger.passed("anna", number) for number in (3, 3, 2, 4)] == [True, False, False, True]
+    assert [ledger.note_id("anna", number) for number in (3, 3, 2, 4)] == [True, False, False, True]
     with pytest.raises(StateError, match="too late"):
-        ledger.again("anna", 1, "what")
+        ledger.repeated("anna", 1, "what")
     for number in range(CLIENTS):
-        ledger.passed(f"client {number}", 1)
-    assert ledger.again("anna", 1, "what") is None  # forgotten: her token is void long since
+        ledger.note_id(f"client {number}", 1)
+    assert ledger.repeated("anna", 1, "what") is None  # forgotten: her token is void long since
 
 
 @pytest.mark.parametrize("number", [0, -1, 1 << 60])
@@ -123,7 +123,7 @@ def test_each_verb_is_a_call_of_the_library_with_the_values_that_it_takes():
     for name, verb in VERBS.items():
         call = getattr(Axis, verb.call or name)
         taken = set(call.__code__.co_varnames[: call.__code__.co_argcount + call.__code__.co_kwonlyargcount])
-        assert {*verb.needs, *verb.takes} - {"press", "sent"} <= taken, name
+        assert {*verb.needs, *verb.optional} - {"press", "sent"} <= taken, name
 
 
 @pytest.mark.parametrize(
@@ -148,17 +148,17 @@ def test_each_verb_is_a_call_of_the_library_with_the_values_that_it_takes():
 )
 def test_an_invalid_command_is_refused_with_the_valid_ones(verb, asked, words):
     with pytest.raises(ArgumentError) as caught:
-        act_of(verb, asked, ("x", "y"))
+        action_of(verb, asked, ("x", "y"))
     assert words in caught.value.message
     assert caught.value.remedy or caught.value.observed or "twice" in words
 
 
 def test_commands_without_axes_are_for_all_axes_and_a_stop_ignores_invalid_arguments():
-    assert act_of("enable", ask(), ("x", "y")).axes == ("x", "y")
-    assert act_of("move_absolute", ask("x", position=1), ("x",)).values == {"position": 1.0}
-    assert act_of("home", ask("x", method=-1, timeout=4), ("x",)).values == {"method": -1, "timeout": 4.0}
-    assert act_of("halt", ask("x", "x", "q", nonsense="z"), ("x", "y")).axes == ("x", "q")
-    assert act_of("halt_all", ask("x"), ("x", "y")).axes == ("x", "y")
+    assert action_of("enable", ask(), ("x", "y")).axes == ("x", "y")
+    assert action_of("move_absolute", ask("x", position=1), ("x",)).values == {"position": 1.0}
+    assert action_of("home", ask("x", method=-1, timeout=4), ("x",)).values == {"method": -1, "timeout": 4.0}
+    assert action_of("halt", ask("x", "x", "q", nonsense="z"), ("x", "y")).axes == ("x", "q")
+    assert action_of("halt_all", ask("x"), ("x", "y")).axes == ("x", "y")
     assert {"halt", "quick_stop", "halt_all", "quick_stop_all"} == STOPS
 
 
@@ -181,14 +181,14 @@ class Desk:
     def __init__(self, machine):
         self.machine = machine
         self.now = 10.0
-        self.holding = SimpleNamespace(lease=HELD, guest=machine)
+        self.holding = SimpleNamespace(lease=HELD, controlled=machine)
         self.answers = DeferredReplies()
         self.commands = Commands(machine, self.holding, self.answers, lambda: self.now)
 
     def do(self, verb, number, *axes, token="t1", client="anna", **values):
         """Give a command, and return the answer, at once or after it has ended."""
         told = []
-        self.commands.take(verb, CommandAsk(client, number, token, axes, values), told.append)
+        self.commands.execute(verb, CommandAsk(client, number, token, axes, values), told.append)
         for _ in range(500):
             if told:
                 return told[0]
@@ -260,7 +260,7 @@ def test_a_flood_of_stops_is_given_to_the_core_as_a_few_in_their_order(desk, mon
 
     def flood(client):
         for number in range(100):
-            desk.commands.take("halt", CommandAsk(client, number, "", ("x",)), told.append)
+            desk.commands.execute("halt", CommandAsk(client, number, "", ("x",)), told.append)
 
     flood("guest")
     x.move_velocity(50.0)  # of another program: it ends the first halt, and one more follows
@@ -341,10 +341,10 @@ def test_a_jog_is_renewed_by_its_queries_but_not_by_late_ones_or_after_a_halt(de
 def test_events_are_numbered_without_gaps_and_the_last_are_kept():
     numbered = BridgeEventLog("run")
     assert numbered.answer(EventsAsk()).newest == 0
-    events = [numbered.enter(Happened("machine", str(number)), 1.0) for number in range(KEPT + 10)]
-    assert [event.n for event in events] == list(range(1, KEPT + 11))
+    events = [numbered.add(BridgeEvent("machine", str(number)), 1.0) for number in range(MAX_EVENTS + 10)]
+    assert [event.n for event in events] == list(range(1, MAX_EVENTS + 11))
     answer = numbered.answer(EventsAsk())
-    assert (answer.oldest, answer.newest, len(answer.events)) == (11, KEPT + 10, AT_ONCE)
+    assert (answer.oldest, answer.newest, len(answer.events)) == (11, MAX_EVENTS + 10, MAX_ANSWER)
     assert [event.n for event in numbered.answer(EventsAsk(20, 22)).events] == [20, 21, 22]
     assert numbered.answer(EventsAsk(5, 2)).events == ()
 
@@ -353,7 +353,7 @@ def test_events_of_a_machine_are_reported_once_with_cause_and_remedy(machine):
     happenings = MachineEventSource(machine["x"].snapshot.now, commands=True)
 
     def look():
-        return told(happenings.look(machine, machine["x"].snapshot.now))
+        return bridge_events(happenings.poll(machine, machine["x"].snapshot.now))
 
     machine["x"].enable().wait(5)
     assert [(one.kind, one.text) for one in look()] == [
@@ -474,10 +474,10 @@ def test_an_endpoint_in_use_is_reported():
 
 def test_the_process_of_the_bridge_is_removed_from_texts():
     long = f"process {os.getpid()} (python -m axisbus bridge (zenoh) x.toml), which began at 04:37:16"
-    assert execute.without(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
-    assert execute.without(f"{long}: the lease ran out") == "the lease ran out"
+    assert execute.without_process(f"x.enable() by {long}: not taken") == "x.enable(): not taken"
+    assert execute.without_process(f"{long}: the lease ran out") == "the lease ran out"
     other = f"x.halt() by process {os.getpid() + 1} (axisbus halt), which began at 04:37:16"
-    assert execute.without(other) == other
+    assert execute.without_process(other) == other
     error = Stopped(f"x.home() by {long} was stopped", observed=f"{long}: it was told to")
     assert execute.fields_of(error).fields["message"] == "x.home() was stopped"
     assert execute.fields_of(error).fields["observed"] == "it was told to"

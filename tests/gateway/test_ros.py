@@ -252,7 +252,7 @@ def test_the_first_message_of_a_publisher_is_not_fresh_if_it_is_old():
     slow = b"c" * 16  # by a clock that is 100 s slow: once compared with its own messages, it is fresh
     with pytest.raises(StateError, match="synchronise"):
         fresh.require(sent(1, -94.8, slow), 5.2, EPOCH + 5.2)
-    fresh._beat = 6.3
+    fresh._last_beat = 6.3
     fresh.require(sent(4, 6.2), 6.3, EPOCH + 6.3)
     fresh.require(sent(2, -93.7, slow), 6.3, EPOCH + 6.3)
 
@@ -261,12 +261,12 @@ def test_messages_of_a_publisher_with_a_slow_clock_stay_fresh_and_late_ones_are_
     fresh = Freshness(0.0)
     for number in range(1, 2000):  # 5.5 h, in which its clock loses 2 s
         now = number * 10.0
-        fresh._beat = now
+        fresh._last_beat = now
         fresh.require(sent(number, now * (1.0 - 1e-4)), now, EPOCH + now)
-    fresh._beat = now = 20_000.0
+    fresh._last_beat = now = 20_000.0
     with pytest.raises(StateError, match="too late"):
         fresh.require(sent(2000, now * (1.0 - 1e-4) - 1.1), now, EPOCH + now)
-    fresh._beat = now = 1e6  # after a long time without a message, too
+    fresh._last_beat = now = 1e6  # after a long time without a message, too
     with pytest.raises(StateError, match="too late"):
         fresh.require(sent(2001, 1e6 - 10.0), now, EPOCH + now)
 

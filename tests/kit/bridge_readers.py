@@ -96,7 +96,7 @@ class _Bridge:
         from axisbus.gateway.zenoh.commands import Commands
         from axisbus.gateway.zenoh.execute import DeferredReplies
         from axisbus.gateway.zenoh.lease import CellLease
-        from axisbus.gateway.zenoh.publishing import BridgeEventLog, Happened, States
+        from axisbus.gateway.zenoh.publishing import BridgeEvent, BridgeEventLog, States
 
         clock = itertools.count(1.0)
         holding = SimpleNamespace(
@@ -107,8 +107,8 @@ class _Bridge:
         )
         with ExitStack() as stack:
             machine = stack.enter_context(Machine.simulated(stack.enter_context(_cell())))
-            holding.guest = machine
-            stack.enter_context(patch.object(service, "heard", lambda take: take))
+            holding.controlled = machine
+            stack.enter_context(patch.object(service, "guarded", lambda take: take))
             answers = DeferredReplies()
             stack.callback(answers.close)
             transfers = SimpleNamespace(put=lambda work, reply: reply(_done(work)))
@@ -130,8 +130,8 @@ class _Bridge:
             )
             kept = BridgeEventLog("a")
             for number in range(5):
-                kept.enter(Happened("machine", f"text {number}"), 1.0)
-            cell = SimpleNamespace(_cell=SimpleNamespace(keys=_KEYS), _events=SimpleNamespace(kept=kept))
+                kept.add(BridgeEvent("machine", f"text {number}"), 1.0)
+            cell = SimpleNamespace(_cell=SimpleNamespace(keys=_KEYS), _events=SimpleNamespace(stored=kept))
             self._takes[_KEYS.events] = lambda asked: bridge.Bridge._missing(cell, asked)  # type: ignore[arg-type]
             self._machine = machine
             yield

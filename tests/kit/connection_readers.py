@@ -22,7 +22,7 @@ from axisbus.core.process import listener
 from axisbus.errors import AxisbusError, ScanError, StateError, UserError
 from axisbus.fleet import messages as f
 from axisbus.fleet.command_retry import CommandRetry, error_of
-from axisbus.fleet.lease_session import LeaseKeeper
+from axisbus.fleet.lease_session import HeldLease
 from axisbus.fleet.messages import read
 from axisbus.fleet.subscriptions import FleetSubscriptions
 from axisbus.ipc import messages as m
@@ -38,7 +38,7 @@ from axisbus.web.access.admission import ServedOrigin, decide
 from axisbus.web.access.limits import FOREIGN_MESSAGE
 from axisbus.web.access.middleware import arrival_of
 from axisbus.web.access.tokens import PageSessions, Role
-from axisbus.web.config.files import Dcf, about, named
+from axisbus.web.config.files import Dcf, named, summary
 from axisbus.web.scope import saving, signals
 from axisbus.web.view import explained
 from kit.cell import cell_file
@@ -200,16 +200,16 @@ class _Page:
             for part in parts:
                 text = part.decode("utf-8", "surrogatepass" if part[:1] == b"{" else "replace")
                 if signals.read(text, self.signals) is None:
-                    pages.desk.hear(place, text, pages.now)
+                    pages.desk.receive(place, text, pages.now)
                 pages.now += 0.05
-            pages.desk.look(pages.now)
+            pages.desk.poll(pages.now)
             pages.machine.sleep(0.01)
             if any("does not belong to this page" in words for _, words in pages.told(place)):
                 raise PassedOver
         except UnicodeDecodeError:  # the web server closes such a socket
             return
         finally:
-            pages.desk.leave(place)
+            pages.desk.remove(place)
 
 
 _PAGE = _Page()
@@ -266,7 +266,7 @@ def _samples(path: Path) -> None:
 
 def _dcf_of_page(path: Path) -> None:
     try:
-        about(Dcf(named(path.name), path.read_bytes()))
+        summary(Dcf(named(path.name), path.read_bytes()))
     except AxisbusError as error:
         raise UserError(json.dumps(explained(error))) from error
 
@@ -317,7 +317,7 @@ class _Nobody:
 
 def _fleet(parts: Sequence[bytes]) -> None:
     hearing = FleetSubscriptions("hall", _Nobody(), _Nobody())  # type: ignore[arg-type]
-    order, keeper = CommandRetry("press.x.halt", 0.0, "a"), LeaseKeeper("token", 1.0, 0.0)
+    order, keeper = CommandRetry("press.x.halt", 0.0, "a"), HeldLease("token", 1.0, 0.0)
     for key, payload in zip(parts[::2], parts[1::2], strict=False):
         text = key.decode("ascii", "replace")
         kind = text.rpartition("/")[2]
@@ -333,11 +333,12 @@ def _fleet(parts: Sequence[bytes]) -> None:
             if told is not None and told.error is not None:
                 str(error_of(told.error, "press"))
     for cell in hearing.names:
-        hearing.look(cell, lambda watch, now: [watch.seen(axis, now) for axis in watch.axes])
-        hearing.look(
-            cell, lambda watch, now: (watch.differs, watch.settled, watch.rivals(now), watch.log.events)
+        hearing.inspect(cell, lambda watch, now: [watch.last_state(axis, now) for axis in watch.axes])
+        hearing.inspect(
+            cell,
+            lambda watch, now: (watch.differs, watch.settled, watch.has_second_bridge(now), watch.log.events),
         )
-        hearing._ask_for(cell)
+        hearing._query_missing(cell)
 
 
 def _heard(hearing: FleetSubscriptions, key: str, kind: str, payload: bytes) -> None:
@@ -355,7 +356,7 @@ def _heard(hearing: FleetSubscriptions, key: str, kind: str, payload: bytes) -> 
         hearing._info(key, payload)
 
 
-def _kept(keeper: LeaseKeeper, lease: f.LeaseAnswer) -> None:
+def _kept(keeper: HeldLease, lease: f.LeaseAnswer) -> None:
     """Require that no wait for a lease is longer than an hour."""
     if lease.refused is None:
         keeper.renewed(lease.seconds, 0.0)
@@ -363,7 +364,9 @@ def _kept(keeper: LeaseKeeper, lease: f.LeaseAnswer) -> None:
         str(error_of(lease.refused, "press"))
     for now in (0.0, 1.0):
         keeper.due(now)
-        assert abs(min(keeper.next - now, keeper.left(now))) < 3600.0, "it would wait for more than an hour"
+        assert abs(min(keeper.next - now, keeper.remaining(now))) < 3600.0, (
+            "it would wait for more than an hour"
+        )
 
 
 OF_CONNECTIONS: dict[str, Reader] = {

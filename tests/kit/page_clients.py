@@ -33,14 +33,14 @@ class Pages:
 
     def ask(self, place: PageClient, do: str, axis: str = "", **more: Any) -> None:
         message = {"do": do, "axis": axis, "sent": self.now - 90.0, **more}
-        self.desk.hear(place, json.dumps(message), self.now)
+        self.desk.receive(place, json.dumps(message), self.now)
 
     def pass_(self, seconds: float) -> None:
         """Let time pass, with a look each 20 ms."""
         for _ in range(round(seconds / 0.02)):
             self.machine.sleep(0.02)
             self.now += 0.02
-            self.desk.look(self.now)
+            self.desk.poll(self.now)
 
     def enabled(self, place: PageClient, *names: str) -> None:
         for name in names:
@@ -69,5 +69,5 @@ class Pages:
         return velocity / SCALE
 
     def told(self, place: PageClient) -> list[tuple[str, str]]:
-        told, place.told = place.told, []
+        told, place.messages = place.messages, []
         return [(one.kind, one.text) for one in told]

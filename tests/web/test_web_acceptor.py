@@ -19,7 +19,7 @@ from typing import Any
 import pytest
 
 from axisbus.web.access import acceptor
-from axisbus.web.access.acceptor import Acceptor, Connection, one_too_many
+from axisbus.web.access.acceptor import Acceptor, Connection, connection_to_close
 from axisbus.web.access.admission import ServedOrigin
 from axisbus.web.access.limits import CONNECTIONS
 from axisbus.web.access.middleware import AccessMiddleware
@@ -76,7 +76,9 @@ async def serving(tls: tuple[Path, Path] | None) -> AsyncIterator[SimpleNamespac
         await send({"type": "http.response.body", "body": b"well"})
 
     accepting = Acceptor(listening)
-    gate = AccessMiddleware(well, ServedOrigin(scheme, frozenset({"localhost"})), keys, "c", accepting.let_in)
+    gate = AccessMiddleware(
+        well, ServedOrigin(scheme, frozenset({"localhost"})), keys, "c", accepting.note_admission
+    )
     config = uvicorn.Config(
         gate,
         log_config=None,
@@ -97,7 +99,7 @@ async def serving(tls: tuple[Path, Path] | None) -> AsyncIterator[SimpleNamespac
     if trusting is not None:
         trusting.check_hostname = False
     here = Origin("127.0.0.1", os.geteuid() if sys.platform == "linux" else None)
-    cookies = [str(keys.enter(keys.issue(role), here)) for role in (Role.OPERATOR, Role.LOOKER)]
+    cookies = [str(keys.enter(keys.issue(role), here)) for role in (Role.OPERATOR, Role.OBSERVER)]
     yield SimpleNamespace(port=port, tls=trusting, operator=cookies[0], looker=cookies[1], keys=keys)
     running.cancel()
     listening.close()
@@ -130,7 +132,7 @@ def are_ended(lines: list[socket.socket]) -> int:
 def test_a_thousand_silent_connections_keep_no_request_to_stop_out(monkeypatch, encrypted, loop, request):
     """All but a few of them are ended before any of them is too late."""
     make_loop = pytest.importorskip(loop).new_event_loop
-    monkeypatch.setattr(acceptor, "PATIENCE", 60.0)
+    monkeypatch.setattr(acceptor, "ADMISSION_TIMEOUT", 60.0)
     tls = request.getfixturevalue("certificate") if encrypted else None
 
     async def seen() -> tuple[bytes, int]:
@@ -190,7 +192,7 @@ def test_a_thousand_requests_of_one_browser_keep_no_other_one_out(path, more):
 @pytest.mark.parametrize("encrypted", [False, True])
 def test_a_connection_that_is_not_authorised_in_time_is_closed(monkeypatch, said, lives, encrypted, request):
     """Also one that says nothing where a TLS handshake is waited for."""
-    monkeypatch.setattr(acceptor, "PATIENCE", 0.2)
+    monkeypatch.setattr(acceptor, "ADMISSION_TIMEOUT", 0.2)
     tls = request.getfixturevalue("certificate") if encrypted else None
 
     async def seen() -> bytes | None:
@@ -216,14 +218,14 @@ def connections(*sessions: int | None, kept: bool = False) -> list[Connection]:
 
 def test_the_client_with_most_connections_loses_its_oldest_and_unknown_ones_count_as_one():
     found = connections(1, None, 2, 1, None, None, 2)
-    assert one_too_many(found, 8) is None
-    assert one_too_many(found, 7) is found[1]
+    assert connection_to_close(found, 8) is None
+    assert connection_to_close(found, 7) is found[1]
     found[1].ended = True
-    assert one_too_many(found, 7) is None
-    assert one_too_many(found, 6) is found[0]
+    assert connection_to_close(found, 7) is None
+    assert connection_to_close(found, 6) is found[0]
 
 
 def test_the_socket_of_a_page_is_never_closed_for_lack_of_room():
     found = connections(*[1] * 200, kept=True)
-    assert one_too_many(found, CONNECTIONS) is None
-    assert one_too_many([*found, *connections(2)], 1).session == 2
+    assert connection_to_close(found, CONNECTIONS) is None
+    assert connection_to_close([*found, *connections(2)], 1).session == 2

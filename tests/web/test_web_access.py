@@ -113,17 +113,17 @@ def test_links_differ_and_each_has_the_role_that_it_was_made_for():
     tokens = {keys.issue(role) for role in Role}
     assert len(tokens) == len(Role)
     assert min(map(len, tokens)) >= 43  # 32 bytes
-    keys, cookie = keys_with(Role.LOOKER)
-    assert judged(keys, get(cookies=(cookie,))).role is Role.LOOKER
+    keys, cookie = keys_with(Role.OBSERVER)
+    assert judged(keys, get(cookies=(cookie,))).role is Role.OBSERVER
 
 
 def test_unused_links_are_limited_in_number():
     keys = PageSessions()
-    first, *rest = [keys.issue(Role.LOOKER) for _ in range(65)]
+    first, *rest = [keys.issue(Role.OBSERVER) for _ in range(65)]
     assert keys.enter(first) is LinkRefusal.UNKNOWN
-    cookies = [keys.enter(token) for token in rest] + [keys.enter(keys.issue(Role.LOOKER))]
+    cookies = [keys.enter(token) for token in rest] + [keys.enter(keys.issue(Role.OBSERVER))]
     assert keys.session(cookies[0]) is None
-    assert keys.session(cookies[-1]) == PageSession(65, Role.LOOKER)
+    assert keys.session(cookies[-1]) == PageSession(65, Role.OBSERVER)
 
 
 HERE = Origin("127.0.0.1", 1000)
@@ -175,7 +175,7 @@ class Clock:
 def test_a_link_unused_for_an_hour_opens_nothing():
     clock = Clock()
     keys = PageSessions(clock=clock)
-    tokens = [keys.issue(Role.LOOKER) for _ in range(2)]
+    tokens = [keys.issue(Role.OBSERVER) for _ in range(2)]
     clock.now = 3599.0
     assert isinstance(judged(keys, get("/enter", token=tokens[0])), Entered)
     clock.now = 3601.0
@@ -295,7 +295,7 @@ def test_without_a_valid_cookie_nothing_is_served(host, origin, cookie):
     ],
 )
 def test_a_browser_has_its_own_number_of_sockets_and_stops_are_not_counted(own, others, let_in):
-    keys, cookie = keys_with(Role.LOOKER)
+    keys, cookie = keys_with(Role.OBSERVER)
     found = judged(keys, socket(cookies=(cookie,)), own, *others)
     assert isinstance(found, PageSession) if let_in else found.status == 503
     stop = get("/stop", method="POST", origins=(ORIGIN,), cookies=(cookie,), length=10 * FOREIGN_MESSAGE)
@@ -388,7 +388,7 @@ def texts(number: int, size: int = 10) -> list[dict[str, str]]:
 
 def test_every_answer_has_each_security_header_once():
     served = ServedDrives()
-    token = served.keys.issue(Role.LOOKER)
+    token = served.keys.issue(Role.OBSERVER)
     entering, refused, well = served.ask(path=f"/enter?token={token}"), served.ask(cookie=""), served.ask()
     for sent in (entering, refused, well):
         headers = sent[0]["headers"]
@@ -461,7 +461,7 @@ def test_our_own_socket_is_not_rate_limited():
 
 def test_a_browser_that_reloads_too_often_is_limited_alone_and_may_stop():
     served = ServedDrives()
-    other = served.keys.enter(served.keys.issue(Role.LOOKER))
+    other = served.keys.enter(served.keys.issue(Role.OBSERVER))
     found = [served.ask()[0]["status"] for _ in range(1000)]
     assert found[:10] == [200] * 10
     assert found.count(200) < 20
@@ -485,7 +485,7 @@ def test_a_body_without_a_length_is_cut_off():
 
 @pytest.mark.parametrize("path", limits.LONGER)
 def test_a_larger_body_is_allowed_only_on_the_paths_for_files(path):
-    served, most = ServedDrives(), limits.most_bytes(path)
+    served, most = ServedDrives(), limits.max_bytes(path)
     assert FOREIGN_MESSAGE < most < 8 * 1024 * 1024
     whole = {"type": "http.request", "body": bytes(most), "more_body": True}
     more = {"type": "http.request", "body": b"x"}

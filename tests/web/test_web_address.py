@@ -16,8 +16,8 @@ def test_a_port_that_is_free_is_found_and_loopback_has_its_names():
         port = listening.getsockname()[1]
         assert listening.getsockname()[0] == "127.0.0.1"
     assert place.url == f"http://127.0.0.1:{port}"
-    assert place.door.hosts == {f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]")}
-    assert place.door.origins == {f"http://{host}" for host in place.door.hosts}
+    assert place.served_origin.hosts == {f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]")}
+    assert place.served_origin.origins == {f"http://{host}" for host in place.served_origin.hosts}
     assert place.cookie == f"axisbus_{port}"
 
 
@@ -25,7 +25,7 @@ def test_a_port_that_is_free_is_found_and_loopback_has_its_names():
     ("tls", "port", "left_out"), [(True, 443, True), (False, 80, True), (True, 80, False)]
 )
 def test_a_browser_leaves_the_usual_port_out(tls, port, left_out):
-    door = PageAddress("192.0.2.1", port, ("192.0.2.1",), tls).door
+    door = PageAddress("192.0.2.1", port, ("192.0.2.1",), tls).served_origin
     assert ("192.0.2.1" in door.hosts) == left_out
     assert f"192.0.2.1:{port}" in door.hosts
     assert door.scheme == ("https" if tls else "http")

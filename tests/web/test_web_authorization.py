@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from axisbus.web.access.lease import PageLease, Refusal, Seat
+from axisbus.web.access.lease import PageIdentity, PageLease, Refusal
 from axisbus.web.access.tokens import Role
 from axisbus.web.commands.authorize import PageAction, decide
 from axisbus.web.commands.request import PageRequest, read
@@ -17,8 +17,8 @@ from axisbus.web.commands.verbs import VERBS, PageVerb
 from axisbus.web.objects.transfer_queue import ObjectKey
 
 AXES = ("x", "y")
-ME, OTHER = Seat(1, "page 1", Role.OPERATOR), Seat(2, "page 2", Role.OPERATOR)
-LOOKER = Seat(3, "page 3", Role.LOOKER)
+ME, OTHER = PageIdentity(1, "page 1", Role.OPERATOR), PageIdentity(2, "page 2", Role.OPERATOR)
+LOOKER = PageIdentity(3, "page 3", Role.OBSERVER)
 # Typed by hand: the rights of every page, and of the page with the controls only; requests with a question.
 EVERYBODY = {"beat", "take", "take_over", "give_back", "link"}
 EVERYBODY |= {"quick_stop_all", "halt_all", "quick_stop", "halt", "jog_end", "read_objects", "keep_reading"}

@@ -49,7 +49,7 @@ class Steps(dict[int, str]):
 def wait_for_end(pages: Pages, place: PageClient) -> None:
     """Let time pass until no boot-up runs."""
     until = time.monotonic() + 30.0
-    while pages.desk.boots.news():
+    while pages.desk.boots.unread():
         assert time.monotonic() < until
         time.sleep(0.01)
     pages.pass_(0.1)
@@ -71,7 +71,7 @@ def test_a_page_with_the_controls_boots_a_node_that_has_lost_its_supply(pages):
     assert "boot it (Boot node 1 in the view Cell)" in explained(error)["remedy"]
     pages.desk.boots._steps = steps = Steps()
     pages.ask(place, "boot", node=1)
-    assert [boot["node"] for boot in pages.desk.boots.news()] == [1]
+    assert [boot["node"] for boot in pages.desk.boots.unread()] == [1]
     wait_for_end(pages, place)
     assert steps.seen == [
         *("waiting for its axes", "step find", "step identity", "step state", "step pre-operational"),
@@ -91,7 +91,7 @@ def test_a_page_with_the_controls_boots_a_node_that_has_lost_its_supply(pages):
 def test_without_the_controls_no_node_is_booted(pages):
     pages.ask(place := pages.admit(), "boot", node=1)
     assert pages.told(place) == [("refused", "no page has the controls")]
-    assert pages.desk.boots.news() == []
+    assert pages.desk.boots.unread() == []
 
 
 def test_the_error_of_a_boot_up_is_shown_and_it_may_be_tried_again(pages):

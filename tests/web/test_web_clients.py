@@ -42,7 +42,7 @@ def test_enabling_needs_the_controls_and_a_yes(pages):
 
 def test_a_flood_of_stops_is_given_to_the_core_as_a_few_and_the_last_one_counts(pages, monkeypatch):
     """All pages share one connection to the core, which takes 500 messages a second: an observer could delay the others' stops."""
-    operator, observer = pages.operator(), pages.admit(Role.LOOKER)
+    operator, observer = pages.operator(), pages.admit(Role.OBSERVER)
     pages.enabled(operator, "x", "y")
     given = []
     for verb in ("halt", "quick_stop"):
@@ -176,17 +176,17 @@ def test_a_jog_ends_when_its_page_leaves_and_the_controls_are_free(pages):
     place, other = pages.operator(), pages.admit()
     pages.enabled(place, "x")
     pages.jog(place, velocity="40")
-    pages.desk.leave(place)
-    pages.desk.leave(place)
+    pages.desk.remove(place)
+    pages.desk.remove(place)
     pages.pass_(AT_ONCE)
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
     pages.ask(other, "take")
-    assert pages.desk.lease.held_by(other.seat)
+    assert pages.desk.lease.held_by(other.identity)
 
 
 @pytest.mark.parametrize("do", ["quick_stop_all", "halt_all", "quick_stop", "halt"])
 def test_a_stop_by_an_observer_ends_a_jog_until_the_next_press(pages, do):
-    place, looker = pages.operator(), pages.admit(Role.LOOKER)
+    place, looker = pages.operator(), pages.admit(Role.OBSERVER)
     pages.enabled(place, "x")
     pages.jog(place)
     pages.ask(looker, do, "x")
@@ -296,7 +296,7 @@ def test_a_move_continues_when_its_page_leaves(pages):
     pages.enabled(place, "x")
     pages.ask(place, "move_absolute", "x", values={"position": "30", "velocity": "60"})
     pages.pass_(0.2)
-    pages.desk.leave(place)
+    pages.desk.remove(place)
     pages.pass_(1.5)
     assert pages.machine["x"].position == pytest.approx(30.0, abs=0.1)
 
@@ -335,7 +335,7 @@ def test_a_torque_needs_a_yes_turns_a_free_axis_and_ends_by_a_halt(pages):
 
 @pytest.mark.parametrize("do", ["quick_stop", "quick_stop_all", "halt_all"])
 def test_an_observer_ends_a_torque_and_commands_none(pages, do):
-    place, looker = pages.operator(), pages.admit(Role.LOOKER)
+    place, looker = pages.operator(), pages.admit(Role.OBSERVER)
     pages.enabled(place, "x")
     values = {"torque": "1", "slope": "100"}
     pages.ask(looker, "torque_control", "x", sure=True, values=values)
@@ -391,7 +391,7 @@ def test_an_axis_without_power_or_in_fault_is_given_no_torque(pages):
 
 
 def test_control_is_taken_only_by_a_page_with_the_controls_after_a_yes(pages):
-    place, looker = pages.operator(), pages.admit(Role.LOOKER)
+    place, looker = pages.operator(), pages.admit(Role.OBSERVER)
     pages.ask(looker, "take_command", sure=True)
     assert pages.told(looker)[0][0] == "refused"
     pages.ask(place, "take_command")
@@ -410,12 +410,12 @@ def test_a_flood_is_refused_and_the_stop_in_it_is_not(pages):
     pages.ask(place, "move_velocity", "x", values={"velocity": "50"})
     pages.pass_(1.0)
     for _ in range(10_000):
-        pages.desk.hear(place, "junk", pages.now)
+        pages.desk.receive(place, "junk", pages.now)
     pages.ask(place, "move_velocity", "x", values={"velocity": "60"})
     pages.pass_(0.02)
     assert abs(pages.speed()) == pytest.approx(50.0, abs=0.5)
     for _ in range(10_000):
-        pages.desk.hear(place, "junk", pages.now)
+        pages.desk.receive(place, "junk", pages.now)
     pages.ask(place, "quick_stop", "x")
     pages.pass_(0.5)
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
@@ -452,7 +452,7 @@ def test_a_failure_of_one_axis_does_not_keep_a_stop_from_the_others(pages, monke
 
 
 def test_links_are_only_for_operators(pages):
-    operator, looker = pages.admit(), pages.admit(Role.LOOKER)
+    operator, looker = pages.admit(), pages.admit(Role.OBSERVER)
     pages.ask(operator, "link")
     pages.ask(looker, "link")
     assert pages.told(operator) == [("link", "http://here/enter?token=t")]

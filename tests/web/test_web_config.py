@@ -32,7 +32,7 @@ from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.clients import PageClients
 from axisbus.web.config import file_process, files, jobs, report
-from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, about, named
+from axisbus.web.config.files import BACKED_UP, MAX_SIZE, UPLOADED, Dcf, PageFiles, named, summary
 from axisbus.web.config.jobs import Configuring, refusal
 from axisbus.web.config.report import ConfigJob, ConfigJobKind, ConfigProgress
 from axisbus.web.objects import verifying
@@ -61,7 +61,7 @@ def anywhere(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) ->
     """Where the file of a job is parsed."""
     if request.param == "in a process of its own":
         monkeypatch.setattr(files, "_SHORT", -1)
-        monkeypatch.setattr(file_process, "PATIENCE", 300.0)  # on a busy computer, too
+        monkeypatch.setattr(file_process, "SILENCE_TIMEOUT", 300.0)  # on a busy computer, too
 
 
 def device(machine: Machine, node: int = 1) -> Any:
@@ -106,7 +106,7 @@ def test_a_backup_is_a_dcf_with_the_values_of_the_node(machine):
     assert "left out" in found.text
     assert found.lines[0].startswith("node 1: axisbus generic CiA 402 drive")
     assert all(reason for *_, reason in found.rows)
-    assert json.loads(json.dumps(found.told()))["file"] == "node-1.dcf"
+    assert json.loads(json.dumps(found.as_values()))["file"] == "node-1.dcf"
 
 
 def test_an_object_that_the_drive_refuses_is_left_out_and_reported(machine):
@@ -280,7 +280,7 @@ def test_a_drive_that_is_energised_during_a_restore_ends_it_and_the_progress_is_
         machine["x"].enable().wait(10)
 
     monkeypatch.setattr(verifying.WritingSdo, "download", enabled_meanwhile)
-    told = done(machine, ConfigJobKind.RESTORE, 1, made).told()
+    told = done(machine, ConfigJobKind.RESTORE, 1, made).as_values()
     assert "is energised" in told["broken"]["message"]
     assert [device(machine).read(*key) for key in (ACCELERATION, velocity)].count(777) == 1
     assert {row[0]: row[4].partition(":")[0] for row in told["rows"]} == {
@@ -315,7 +315,7 @@ def may_write(eds: Any, index: int) -> bool:
 )
 def test_an_invalid_dcf_is_reported_with_a_message(data):
     with pytest.raises(EdsError, match=r"^x\.dcf") as caught:
-        about(Dcf("x.dcf", data))
+        summary(Dcf("x.dcf", data))
     assert caught.value.message
     assert caught.value.remedy
 
@@ -325,14 +325,14 @@ def test_a_file_that_describes_millions_of_entries_is_refused_before_they_are_ma
     data = "".join(each.format(index) for index in range(0x1000, 0x6000)).encode()
     began = time.process_time()
     with pytest.raises(EdsError, match="more entries than any device"):
-        about(Dcf("x.dcf", data))
+        summary(Dcf("x.dcf", data))
     assert time.process_time() - began < 3.0
 
 
 @given(st.binary(max_size=2000))
 def test_no_bytes_are_a_mistake_of_the_page(data):
     with suppress(EdsError):
-        assert about(Dcf("x.dcf", data)).startswith("of ")
+        assert summary(Dcf("x.dcf", data)).startswith("of ")
 
 
 @given(st.text(max_size=200))
@@ -353,13 +353,13 @@ def test_plain_characters_of_file_names_are_kept():
 def test_a_page_has_two_files_at_most_and_none_after_it_is_closed():
     files = PageFiles()
     for number in range(5):
-        files.keep(1, BROUGHT, Dcf(str(number), b"1"))
-        files.keep(1, MADE, Dcf(str(number), b"2"))
-    assert files.of(1, BROUGHT) == Dcf("4", b"1")
-    files.keep(1, BROUGHT, Dcf("large", bytes(MOST + 1)))
-    assert files.of(1, BROUGHT) is None
-    files.leave(1)
-    assert files.of(1, MADE) is None
+        files.store(1, UPLOADED, Dcf(str(number), b"1"))
+        files.store(1, BACKED_UP, Dcf(str(number), b"2"))
+    assert files.of(1, UPLOADED) == Dcf("4", b"1")
+    files.store(1, UPLOADED, Dcf("large", bytes(MAX_SIZE + 1)))
+    assert files.of(1, UPLOADED) is None
+    files.remove_page(1)
+    assert files.of(1, BACKED_UP) is None
 
 
 # -- the client handler ---------------------------------------------------------------------------------------------------
@@ -374,12 +374,13 @@ def desk(machine: Machine) -> SimpleNamespace:
     at = PageClients(machine, str)
     worker = ObjectWorker(machine, at.objects)
     operator, looker = (
-        at.admit(PageSession(number, role), "here") for number, role in ((1, Role.OPERATOR), (2, Role.LOOKER))
+        at.admit(PageSession(number, role), "here")
+        for number, role in ((1, Role.OPERATOR), (2, Role.OBSERVER))
     )
     job = at.objects.configuring
 
     def ask(place: Any, do: str, **more: Any) -> None:
-        at.hear(place, json.dumps({"do": do, **more}), 100.0)
+        at.receive(place, json.dumps({"do": do, **more}), 100.0)
 
     async def until(seen: Any) -> None:
         for _ in range(1000):
@@ -404,20 +405,20 @@ def desk(machine: Machine) -> SimpleNamespace:
 
 
 def words(place: Any) -> str:
-    return " ".join(f"{one.text} {one.remedy}" for one in place.told)
+    return " ".join(f"{one.text} {one.remedy}" for one in place.messages)
 
 
 def test_an_observer_backs_up_and_compares_and_restores_nothing(desk):
     desk.ask(desk.looker, "backup", node=1)
     desk.run()
-    made = desk.job.files.of(desk.looker.seat.number, MADE)
+    made = desk.job.files.of(desk.looker.identity.number, BACKED_UP)
     assert made.name == "node-1.dcf"
     desk.ask(desk.looker, "compare", node=1)
     assert "has sent no file" in words(desk.looker)
-    desk.job.files.keep(desk.looker.seat.number, BROUGHT, made)
+    desk.job.files.store(desk.looker.identity.number, UPLOADED, made)
     desk.ask(desk.looker, "compare", node=1)
     desk.run()
-    assert desk.job.now.told()["report"]["text"].endswith("0 differ")
+    assert desk.job.now.as_values()["report"]["text"].endswith("0 differ")
     desk.ask(desk.looker, "restore", node=1, sure=True)
     assert "this is an observer page" in words(desk.looker)
 
@@ -425,8 +426,8 @@ def test_an_observer_backs_up_and_compares_and_restores_nothing(desk):
 def test_the_page_with_the_controls_restores_after_a_yes_until_it_gives_them_back(desk, monkeypatch):
     desk.ask(desk.operator, "backup", node=1)
     desk.run()
-    number = desk.operator.seat.number
-    desk.job.files.keep(number, BROUGHT, desk.job.files.of(number, MADE))
+    number = desk.operator.identity.number
+    desk.job.files.store(number, UPLOADED, desk.job.files.of(number, BACKED_UP))
     device(desk.machine).write(*ACCELERATION, 777)
     desk.ask(desk.operator, "restore", node=1)
     assert "it has not been confirmed" in words(desk.operator)
@@ -451,7 +452,7 @@ def test_there_is_one_job_for_all_pages_a_verification_is_one_too(desk):
     assert desk.desk.objects.verified is None
     desk.run()
     desk.ask(desk.operator, "verify", node=2)
-    desk.looker.told.clear()
+    desk.looker.messages.clear()
     desk.ask(desk.looker, "backup", node=1)
     assert "node 2 is being verified" in words(desk.looker)
 
@@ -472,11 +473,11 @@ def test_a_job_of_a_page_without_controls_is_cancelled_for_the_page_with_them(de
     desk.run(over) if begun else over()
     desk.run()
     assert not words(desk.operator)
-    assert (desk.job.now.wanted.page, desk.job.now.wanted.node) == (1, 2)
+    assert (desk.job.now.config_job.page, desk.job.now.config_job.node) == (1, 2)
     assert desk.job.now.report is not None
-    assert desk.job.files.of(desk.looker.seat.number, MADE) is None
+    assert desk.job.files.of(desk.looker.identity.number, BACKED_UP) is None
     if begun:
-        assert seen[0].wanted.page == 2
+        assert seen[0].config_job.page == 2
 
 
 def test_a_verification_of_the_page_with_the_controls_cancels_jobs_of_others(desk, monkeypatch):
@@ -503,16 +504,16 @@ def test_a_job_is_cancelled_only_by_its_page_and_by_the_page_with_the_controls(d
 def test_a_job_ends_with_its_page_and_leaves_no_file(desk, monkeypatch):
     monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.looker, "backup", node=1)
-    desk.run(lambda: desk.desk.leave(desk.looker))
+    desk.run(lambda: desk.desk.remove(desk.looker))
     assert "was cancelled" in desk.job.now.error["message"]
-    assert desk.job.files.of(desk.looker.seat.number, MADE) is None
+    assert desk.job.files.of(desk.looker.identity.number, BACKED_UP) is None
 
 
 def test_a_node_lost_during_a_job_ends_it_with_the_error(desk, monkeypatch):
     monkeypatch.setattr(verifying, "PACE", 0.01)
     desk.ask(desk.operator, "backup", node=1)
     desk.run(lambda: setattr(device(desk.machine).dials, "sdo_silent", True))
-    told = desk.job.now.told()
+    told = desk.job.now.as_values()
     assert "no answer" in told["error"]["message"]
     assert 0 < told["done"] < told["whole"]
     assert told["report"] is None
@@ -536,11 +537,11 @@ def test_a_mistake_is_reported_and_the_next_job_continues(desk, monkeypatch):
 
 
 def test_a_long_report_is_cut_and_has_its_full_length():
-    rows = tuple((str(n), "") for n in range(report.MOST + 5))
+    rows = tuple((str(n), "") for n in range(report.MAX_ROWS + 5))
     told = ConfigProgress(
         ConfigJob(ConfigJobKind.COMPARE, 1, 1), report=report.ConfigReport("", rows=rows)
-    ).told()
-    assert (len(told["report"]["rows"]), told["report"]["all"]) == (report.MOST, report.MOST + 5)
+    ).as_values()
+    assert (len(told["report"]["rows"]), told["report"]["all"]) == (report.MAX_ROWS, report.MAX_ROWS + 5)
 
 
 def test_a_report_with_many_and_long_texts_is_shortened_before_it_is_sent_to_the_pages():
@@ -551,14 +552,14 @@ def test_a_report_with_many_and_long_texts_is_shortened_before_it_is_sent_to_the
     )
     found = given.bounded()
     job = ConfigJob(ConfigJobKind.COMPARE, 1, 1)
-    told = ConfigProgress(job, report=found).told()["report"]
+    told = ConfigProgress(job, report=found).as_values()["report"]
     assert len(json.dumps(told)) < 600_000
     assert told["all"] == 1000
     assert told["lines"][-1] == "... and 901 more lines"
     assert told["rows"][0][0].endswith("x ...")
     assert found.left_out == 700
     assert found.bounded() == found
-    error = Configuring().failed(job, StateError(long, observed=long, remedy="r")).told()["error"]
+    error = Configuring().failed(job, StateError(long, observed=long, remedy="r")).as_values()["error"]
     assert len(error["message"]) + len(error["observed"]) < 10_000
     assert error["remedy"] == "r"
 
@@ -605,7 +606,9 @@ def bring(desk: SimpleNamespace) -> Any:
     routes = ConfigRoutes(desk.desk)
 
     def bring(query: str, *chunks: bytes, number: int = 1, cut: bool = False) -> Any:
-        return asyncio.run(routes.bring(request(PageSession(number, Role.OPERATOR), query, *chunks, cut=cut)))
+        return asyncio.run(
+            routes.upload(request(PageSession(number, Role.OPERATOR), query, *chunks, cut=cut))
+        )
 
     bring.made = lambda query, number=1: asyncio.run(
         routes.made(request(PageSession(number, Role.OPERATOR), query))
@@ -619,22 +622,22 @@ def test_a_file_is_uploaded_in_pieces_and_reported(desk, bring):
     told = json.loads(answer.body)
     assert told["name"] == "my x.dcf"
     assert told["text"].startswith("of node 1")
-    assert desk.job.files.of(1, BROUGHT) == Dcf("my x.dcf", data)
+    assert desk.job.files.of(1, UPLOADED) == Dcf("my x.dcf", data)
 
 
 def test_an_endless_file_of_one_browser_delays_no_other_one(desk):
     routes, data = ConfigRoutes(desk.desk), backup(desk.machine).data
 
     async def brought() -> list[int]:
-        crowd = [asyncio.create_task(routes.bring(never_ended(PageSession(2, Role.LOOKER), "page=2")))]
+        crowd = [asyncio.create_task(routes.upload(never_ended(PageSession(2, Role.OBSERVER), "page=2")))]
         await asyncio.sleep(0)
-        again = await routes.bring(request(PageSession(2, Role.LOOKER), "page=2", b"more"))
-        own = await routes.bring(request(PageSession(1, Role.OPERATOR), "page=1", data))
+        again = await routes.upload(request(PageSession(2, Role.OBSERVER), "page=2", b"more"))
+        own = await routes.upload(request(PageSession(1, Role.OPERATOR), "page=1", data))
         crowd[0].cancel()
         return [again.status_code, own.status_code]
 
     assert asyncio.run(brought()) == [503, 200]
-    assert desk.job.files.of(1, BROUGHT) is not None
+    assert desk.job.files.of(1, UPLOADED) is not None
 
 
 @pytest.mark.parametrize(
@@ -651,20 +654,20 @@ def test_an_endless_file_of_one_browser_delays_no_other_one(desk):
 def test_a_file_without_a_page_is_refused(desk, bring, query, number, status):
     assert bring(query, b"[1000]", number=number).status_code == status
     assert bring.made(query, number).status_code == 404
-    assert desk.job.files.of(1, BROUGHT) is None
+    assert desk.job.files.of(1, UPLOADED) is None
 
 
 def test_a_file_that_is_too_long_or_invalid_is_not_kept(desk, bring):
     assert bring("page=1", b"x" * 1000, cut=True).status_code == 413
     assert json.loads(bring("page=1", b"junk").body)["error"]["message"].endswith("this is not an EDS or DCF")
-    assert desk.job.files.of(1, BROUGHT) is None
+    assert desk.job.files.of(1, UPLOADED) is None
 
 
 def test_a_backup_is_fetched_by_its_own_browser(desk, bring):
     desk.ask(desk.operator, "backup", node=1)
     desk.run()
     answer = bring.made("page=1")
-    assert answer.body == desk.job.files.of(1, MADE).data
+    assert answer.body == desk.job.files.of(1, BACKED_UP).data
     assert answer.headers["content-disposition"] == 'attachment; filename="node-1.dcf"'
     assert bring.made("page=1", 2).status_code == 404
 

@@ -30,11 +30,11 @@ def running(monkeypatch: pytest.MonkeyPatch, program: str) -> None:
 
 
 def test_a_file_is_described_as_in_the_server():
-    assert file_process.about(EDS) == files.about(EDS)
+    assert file_process.summary(EDS) == files.summary(EDS)
 
 
 def test_a_process_that_computes_for_too_long_is_killed(monkeypatch):
-    monkeypatch.setattr(file_process, "PATIENCE", 0.5)
+    monkeypatch.setattr(file_process, "SILENCE_TIMEOUT", 0.5)
     running(monkeypatch, "while True: pass")
     process = FileProcess(EDS, FileTask(EDS.name, len(EDS.data)))
     with pytest.raises(StateError, match=r"^x\.eds could not be read") as caught, process:
@@ -46,23 +46,23 @@ def test_a_process_that_computes_for_too_long_is_killed(monkeypatch):
 
 def test_a_process_that_reads_no_input_is_killed(monkeypatch):
     """The file is longer than the capacity of a pipe."""
-    monkeypatch.setattr(file_process, "PATIENCE", 0.5)
+    monkeypatch.setattr(file_process, "SILENCE_TIMEOUT", 0.5)
     running(monkeypatch, "import time; time.sleep(1000)")
     with pytest.raises(StateError, match="could not be read"):
-        file_process.about(Dcf("x.dcf", bytes(1 << 20)))
+        file_process.summary(Dcf("x.dcf", bytes(1 << 20)))
 
 
 def test_a_process_that_ends_early_is_reported_with_its_exit_code(monkeypatch):
     running(monkeypatch, "raise SystemExit(7)")
     with pytest.raises(StateError, match="could not be read") as caught:
-        file_process.about(EDS)
+        file_process.summary(EDS)
     assert caught.value.observed == "its process ended with exit code 7"
 
 
 def test_a_process_that_cannot_be_started_is_reported(monkeypatch):
     monkeypatch.setattr(file_process, "_COMMAND", ["/nowhere/python"])
     with pytest.raises(StateError, match="could not be read") as caught:
-        file_process.about(EDS)
+        file_process.summary(EDS)
     assert "cannot be started" in caught.value.observed
     assert caught.value.remedy
 
@@ -71,11 +71,11 @@ def test_a_process_that_cannot_be_started_is_reported(monkeypatch):
 def test_a_process_that_exceeds_its_memory_limit_reports_it(monkeypatch):
     program = (
         "from axisbus.web.config import file_process, files; file_process.MEMORY = 200 << 20; "
-        "files.about = lambda file: str(bytes(1 << 30)); file_process.main()"
+        "files.summary = lambda file: str(bytes(1 << 30)); file_process.main()"
     )
     running(monkeypatch, program)
     with pytest.raises(StateError, match=r"^x\.eds could not be read") as caught:
-        file_process.about(EDS)
+        file_process.summary(EDS)
     assert caught.value.observed == "it needs more than 200 MB of memory"
     assert "a smaller file" in caught.value.remedy
 
@@ -84,11 +84,11 @@ def test_a_process_that_exceeds_its_memory_limit_reports_it(monkeypatch):
 def test_the_process_has_a_low_priority_and_limited_processor_time(monkeypatch):
     program = (
         "import os, resource; from axisbus.web.config import file_process, files; "
-        "files.about = lambda file: f'{os.getpriority(0, 0)} {resource.getrlimit(resource.RLIMIT_CPU)[0]}'; "
+        "files.summary = lambda file: f'{os.getpriority(0, 0)} {resource.getrlimit(resource.RLIMIT_CPU)[0]}'; "
         "file_process.main()"
     )
     running(monkeypatch, program)
-    assert file_process.about(EDS) == f"{max(15, os.getpriority(0, 0))} 600"
+    assert file_process.summary(EDS) == f"{max(15, os.getpriority(0, 0))} 600"
 
 
 def test_a_job_that_is_cancelled_while_its_file_is_parsed_ends_at_once(monkeypatch):
@@ -102,7 +102,7 @@ def test_a_job_that_is_cancelled_while_its_file_is_parsed_ends_at_once(monkeypat
     began = time.monotonic()
     with pytest.raises(Stopped, match="the comparison of node 1 was cancelled"):
         file_process.carry_out(ConfigJobKind.COMPARE, node, EDS, lambda *_: None, sdo.require_not_cancelled)
-    assert time.monotonic() - began < file_process.PATIENCE / 2
+    assert time.monotonic() - began < file_process.SILENCE_TIMEOUT / 2
 
 
 # -- files that the server parses ----------------------------------------------------------------------------------------
@@ -111,7 +111,7 @@ def test_a_job_that_is_cancelled_while_its_file_is_parsed_ends_at_once(monkeypat
 def filled(text: str) -> bytes:
     """Return the largest file of one repeated text that is parsed in the server; {} is a number."""
     data, number = bytearray(HEAD), 0
-    while len(data) < files._SHORT - 2 * len(text) and data.count(b"[") < files._FEW:
+    while len(data) < files._SHORT - 2 * len(text) and data.count(b"[") < files._MAX_SECTIONS:
         data += text.format(number, index=f"{0x1000 + number % 0xE000:04X}").encode()
         number += 1
     return bytes(data)
@@ -140,7 +140,7 @@ def test_the_server_parses_only_files_that_take_less_than_200_ms(text):
     gc.disable()  # the collected tests are a million objects, which a server does not have
     try:
         began = time.process_time()
-        files.about(file)
+        files.summary(file)
         took = time.process_time() - began
     finally:
         gc.enable()
@@ -155,4 +155,4 @@ def test_the_server_does_not_parse_a_small_file_that_defines_many_entries(encodi
 
 
 def test_the_server_does_not_parse_a_small_file_of_many_sections():
-    assert not Dcf("x.dcf", b"[1]\n" * (files._FEW + 1)).is_short
+    assert not Dcf("x.dcf", b"[1]\n" * (files._MAX_SECTIONS + 1)).is_short

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from axisbus.machine.machine import Machine
 from axisbus.motion.parameters import AxisParameters, Units
 from axisbus.units import Scale
-from axisbus.web.view import Bar, all_axes, bars_of, mark, number, places
+from axisbus.web.view import Bar, all_axes, bars_of, decimals_for, mark, number
 from kit.cell import cell_file, cell_text
 
 LIMITED = "rated_torque = 10.0\nmax_torque = 5.0\nposition_limits = [-90.0, 180.0]\nfollowing_error = 2.0"
@@ -82,8 +82,8 @@ def test_any_value_is_drawn_within_the_bar(value, low, wide):
     [(0.01, "0.250"), (1.0, "0.250"), (1 / 131072, "0.250298"), (1e-12, "0.250298"), (0.0, "0.250")],
 )
 def test_a_value_has_the_decimals_that_its_scale_needs(increment, text):
-    assert number(0.250298, places(increment)) == text
-    assert not number(-1e-9, places(increment)).startswith("-")
+    assert number(0.250298, decimals_for(increment)) == text
+    assert not number(-1e-9, decimals_for(increment)).startswith("-")
 
 
 def test_an_unknown_value_has_no_position_on_its_bar():
@@ -93,14 +93,14 @@ def test_an_unknown_value_has_no_position_on_its_bar():
 
 def test_without_a_limit_there_is_no_bar_and_nothing_is_made_up(tmp_path):
     with Machine.simulated(cell(tmp_path, "")) as machine:
-        spans = {bar.name: bar.span for bar in bars_of(machine.session.axes["x"].parameters)}
+        spans = {bar.name: bar.bounds for bar in bars_of(machine.session.axes["x"].parameters)}
         assert spans["position"] is spans["torque"] is None
         assert spans["velocity"] == (-400.0, 400.0)
         assert "position" not in bars(machine)
 
 
 def test_the_limits_are_those_of_the_cell_file_in_its_units(machine):
-    found = {bar.name: (bar.span, bar.unit) for bar in bars_of(machine.session.axes["x"].parameters)}
+    found = {bar.name: (bar.bounds, bar.unit) for bar in bars_of(machine.session.axes["x"].parameters)}
     assert found == {
         "position": ((-90.0, 180.0), "deg"),
         "velocity": ((-400.0, 400.0), "deg/s"),
@@ -122,7 +122,7 @@ def test_the_limits_are_those_of_the_cell_file_in_its_units(machine):
 def test_a_limit_in_increments_is_reported_no_finer_than_they_report(increments, scale, limit):
     units = Units(*[Scale.of(scale, "deg")] * 3, ratio_known=True)
     parameters = AxisParameters("x", units, drive_following_error=increments)
-    assert bars_of(parameters)[-1].span == pytest.approx((-limit, limit), rel=1e-9)
+    assert bars_of(parameters)[-1].bounds == pytest.approx((-limit, limit), rel=1e-9)
 
 
 def test_limits_that_do_not_apply_at_present_are_marked_so(tmp_path):

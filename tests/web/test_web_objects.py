@@ -26,7 +26,7 @@ from axisbus.sim.build import device_from_eds
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.clients import PageClients
 from axisbus.web.objects import dictionary, verifying
-from axisbus.web.objects.dictionary import DictionaryCache, book, layouts
+from axisbus.web.objects.dictionary import DictionaryCache, dictionary_values, layouts
 from axisbus.web.objects.transfer_queue import ObjectJob, ObjectKey, TransferRequest, TransferResult, read
 from axisbus.web.objects.verifying import Verifying
 from axisbus.web.objects.worker import ObjectTransfers, ObjectWorker, node_of
@@ -231,7 +231,7 @@ def test_a_write_to_an_energised_node_needs_confirmation_by_the_answer_to_its_ow
 
 
 def test_the_tree_has_every_entry_of_the_file_with_its_access(nodes):
-    told = book(nodes.machine, 1)
+    told = dictionary_values(nodes.machine, 1)
     eds = load(builtin.resolve(GENERIC, Path()))
     assert [each["index"] for each in told["objects"]] == [f"{each.index:04X}" for each in eds]
     entries = {entry["key"]: entry for each in told["objects"] for entry in each["entries"]}
@@ -280,7 +280,7 @@ def test_findings_are_those_of_eds_check(tmp_path):
     bad.write_text(text.replace("PDOMapping=1", "PDOMapping=<b>7</b>", 1), "utf-8")
     path = cell_file(tmp_path, "x", eds=str(bad))
     with Machine.simulated(path) as machine:
-        found = book(machine, 1)["findings"]
+        found = dictionary_values(machine, 1)["findings"]
     assert found["all"] >= 1
     assert any("<b>7</b>" in each["message"] for each in found["shown"])
     assert all(each["remedy"] for each in found["shown"])
@@ -288,7 +288,11 @@ def test_findings_are_those_of_eds_check(tmp_path):
 
 def test_a_book_is_made_once_for_concurrent_requests(nodes, monkeypatch):
     made = []
-    monkeypatch.setattr(dictionary, "book", lambda machine, node: made.append(node) or book(machine, node))
+    monkeypatch.setattr(
+        dictionary,
+        "dictionary_values",
+        lambda machine, node: made.append(node) or dictionary_values(machine, node),
+    )
 
     async def ask():
         kept = DictionaryCache(nodes.machine)
@@ -314,7 +318,7 @@ def test_a_drive_that_bears_its_file_out_and_one_that_does_not(nodes, quickly):
     assert run.take() is None
     nodes.dials.sdo_aborts[0x6083, 0] = abort.OBJECT_MISSING
     run.carry_out(node_of(nodes.machine, 1))
-    told = run.now.told()
+    told = run.now.as_values()
     assert told["over"]
     assert told["done"] == told["whole"] > 200
     assert told["error"] is None
@@ -336,7 +340,7 @@ def test_there_is_one_at_a_time_and_it_ends_with_its_page(nodes):
     run.end(1)
     thread.join(5.0)
     assert not thread.is_alive()
-    assert "cancelled" in run.now.told()["error"]["message"]
+    assert "cancelled" in run.now.as_values()["error"]["message"]
     assert run.begin(2, 2) is None
 
 
@@ -346,7 +350,7 @@ def test_a_node_that_is_lost_meanwhile_ends_it_with_an_error(nodes, quickly):
     nodes.dials.sdo_silent = True
     run.carry_out(node_of(nodes.machine, 1))
     assert run.now.over
-    assert "no answer" in run.now.told()["error"]["message"]
+    assert "no answer" in run.now.as_values()["error"]["message"]
 
 
 # -- the client handler -----------------------------------------------------------------------------------------------------
@@ -357,10 +361,10 @@ def desk(nodes) -> SimpleNamespace:
     """A client handler with an operator, who has the controls, and an observer; ``run`` lets the worker work for a time."""
     at = PageClients(nodes.machine, str)
     worker = ObjectWorker(nodes.machine, at.objects)
-    operator, looker = (at.admit(PageSession(1, role), "here") for role in (Role.OPERATOR, Role.LOOKER))
+    operator, looker = (at.admit(PageSession(1, role), "here") for role in (Role.OPERATOR, Role.OBSERVER))
 
     def ask(place: Any, do: str, *keys: str, **more: Any) -> None:
-        at.hear(place, json.dumps({"do": do, "objects": list(keys), **more}), 100.0)
+        at.receive(place, json.dumps({"do": do, "objects": list(keys), **more}), 100.0)
 
     def run(seconds: float = 0.3) -> None:
         async def limited() -> None:
@@ -371,7 +375,7 @@ def desk(nodes) -> SimpleNamespace:
         asyncio.run(limited())
 
     def told(place: Any) -> list[dict[str, Any]]:
-        return [dict(each) for each in at.objects.news(place.seat.number, 100.0)]
+        return [dict(each) for each in at.objects.unread(place.identity.number, 100.0)]
 
     ask(operator, "take")
     return SimpleNamespace(
@@ -388,7 +392,7 @@ def test_an_observer_reads_and_neither_writes_nor_verifies(desk):
     assert [each["key"] for each in desk.told(desk.looker)] == ["1:6064:00", "2:6064:00"]
     assert desk.nodes.has("1:6083:00") == before
     assert desk.desk.objects.verified is None
-    assert any("observer page" in one.text for one in desk.looker.told)
+    assert any("observer page" in one.text for one in desk.looker.messages)
 
 
 def test_a_write_needs_the_controls_when_it_is_done_not_only_when_it_is_requested(desk):
@@ -420,7 +424,7 @@ def test_a_question_is_sent_to_the_requesting_page_and_its_yes_writes(desk):
 def test_too_many_requests_are_refused(desk):
     for _ in range(4):
         desk.ask(desk.looker, "read_objects", *["1:6064:00"] * 32)
-    assert any("waiting for 64 objects" in one.text for one in desk.looker.told)
+    assert any("waiting for 64 objects" in one.text for one in desk.looker.messages)
 
 
 def test_a_mistake_in_one_transfer_is_reported_and_ends_nothing(desk, monkeypatch):
@@ -444,12 +448,12 @@ def test_a_verification_is_reported_to_its_end_and_ends_with_the_controls(desk, 
     assert desk.desk.objects.verified.over
     desk.ask(desk.operator, "verify", node=9)
     desk.run()
-    assert "the cell has no node 9" in desk.desk.objects.verified.told()["error"]["message"]
+    assert "the cell has no node 9" in desk.desk.objects.verified.as_values()["error"]["message"]
 
 
 def test_a_device_of_another_kind_has_its_own_book(tmp_path):
     path = cell_file(tmp_path, "x", eds="builtin:gim6010-8")
     eds = load(builtin.resolve("builtin:gim6010-8", Path()))
     with Machine.simulated(path, {1: device_from_eds(eds, 1)}) as machine:
-        told = book(machine, 1)
+        told = dictionary_values(machine, 1)
     assert len(told["objects"]) == len(list(eds))

@@ -14,7 +14,7 @@ pytest.importorskip("nicegui", reason="the page needs nicegui")
 
 from axisbus.machine.machine import Machine
 from axisbus.web.page_socket import HEAD, batch
-from axisbus.web.scope.signals import MOST, Choice, ScopeBuffer, SignalReader, read, signals_of
+from axisbus.web.scope.signals import MAX_SIGNALS, Choice, ScopeBuffer, SignalReader, read, signals_of
 from kit import command_line
 
 
@@ -88,7 +88,7 @@ def test_an_unknown_value_is_no_number(seen):
 
 
 def test_a_slow_reader_gets_the_remaining_cycles_and_the_number_of_lost_ones():
-    cycles = ScopeBuffer(kept=10)
+    cycles = ScopeBuffer(max_cycles=10)
     for number in range(25):
         cycles.add(number / 1000, {})
     first = cycles.since(3, 4)
@@ -100,7 +100,7 @@ def test_a_slow_reader_gets_the_remaining_cycles_and_the_number_of_lost_ones():
 
 
 def test_cycles_added_during_a_read_are_neither_lost_nor_doubled():
-    cycles, over, found, lost, at = ScopeBuffer(kept=500), threading.Event(), [], 0, 0
+    cycles, over, found, lost, at = ScopeBuffer(max_cycles=500), threading.Event(), [], 0, 0
 
     def add():
         for number in range(30_000):
@@ -143,7 +143,7 @@ THERE = {"x.position", "x.velocity"}
         '{"choice": 1, "signals": "x.position"}',
         '{"choice": 1, "signals": ["x.password"]}',
         '{"choice": 1, "signals": [1]}',
-        json.dumps({"choice": 1, "signals": ["x.position"] * (MOST + 1)}),
+        json.dumps({"choice": 1, "signals": ["x.position"] * (MAX_SIGNALS + 1)}),
         json.dumps({"choice": 1, "signals": [], "more": "x" * 5000}),
         "[" * 3000,
     ],

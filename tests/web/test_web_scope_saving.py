@@ -23,7 +23,7 @@ from axisbus.errors import ArgumentError
 from axisbus.machine.machine import Machine
 from axisbus.record.columns import NAMES
 from axisbus.record.load import load
-from axisbus.web.access.limits import SAVE_SAMPLES, most_bytes
+from axisbus.web.access.limits import SAVE_SAMPLES, max_bytes
 from axisbus.web.access.middleware import SESSION
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.scope import saving
@@ -143,7 +143,7 @@ def test_a_signal_twice_or_more_samples_than_a_browser_keeps_are_refused(monkeyp
         + array("f", [1.0, 1.0]).tobytes()
     )
     assert read(data, SIGNALS) is None
-    monkeypatch.setattr(saving, "MOST_SAMPLES", 1)
+    monkeypatch.setattr(saving, "MAX_SAMPLES", 1)
     assert read(GOOD, SIGNALS) is None
 
 
@@ -160,7 +160,7 @@ def answered(routes: ScopeRoutes, *bodies: bytes, browsers: tuple[int, ...] = ()
             await asyncio.sleep(0.01)
             return coming.pop()
 
-        session = PageSession(browser, Role.LOOKER)
+        session = PageSession(browser, Role.OBSERVER)
         shown = {"type": "http", "method": "POST", "query_string": b"", "headers": [], SESSION: session}
         return Request(shown, receive)
 
@@ -189,7 +189,7 @@ def test_one_file_of_a_browser_is_made_at_a_time_and_errors_are_reported(machine
 
 
 def test_as_much_as_a_browser_keeps_of_ten_signals_may_be_sent():
-    assert most_bytes(SAVE_SAMPLES) > 10 * 4 * saving.MOST_SAMPLES + 8 * saving.MOST_SAMPLES + 4096
+    assert max_bytes(SAVE_SAMPLES) > 10 * 4 * saving.MAX_SAMPLES + 8 * saving.MAX_SAMPLES + 4096
 
 
 @pytest.mark.parametrize("there", [True, False])

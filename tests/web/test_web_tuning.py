@@ -44,7 +44,7 @@ class Tuning(Pages):
             self.hear(place)
 
     def hear(self, place: PageClient) -> None:
-        told = self.desk.trials.news(place.seat.number)
+        told = self.desk.trials.unread(place.identity.number)
         if told is not None:
             json.dumps(told, allow_nan=False)
             self.news.append(told)
@@ -254,7 +254,7 @@ def test_an_invalid_velocity_is_refused(pages, place, velocity, words):
 
 
 def test_a_trial_needs_the_controls_an_operator_and_an_enabled_axis_at_standstill(pages):
-    looker, place = pages.admit(Role.LOOKER), pages.admit()
+    looker, place = pages.admit(Role.OBSERVER), pages.admit()
     for who, words in ((looker, "observer page"), (place, "no page has the controls")):
         pages.step(who)
         assert words in pages.told(who)[0][1]
@@ -298,7 +298,7 @@ def test_two_at_a_time_are_refused_and_the_first_continues(pages, place):
 
 def test_a_trial_ends_when_its_page_leaves(pages, place):
     pages.running(place)
-    pages.desk.leave(place)
+    pages.desk.remove(place)
     pages.pass_(0.3)
     assert pages.speed() == pytest.approx(0.0, abs=0.1)
     where = pages.machine["x"].position
@@ -338,7 +338,7 @@ def test_a_trial_ends_with_the_controls(pages, place, do):
 
 @pytest.mark.parametrize("do", ["halt", "halt_all", "quick_stop", "quick_stop_all"])
 def test_a_stop_of_an_observer_ends_it(pages, place, do):
-    looker = pages.admit(Role.LOOKER)
+    looker = pages.admit(Role.OBSERVER)
     pages.running(place)
     pages.ask(looker, do, "x")
     pages.ended(place, "halted, or stopped")
@@ -346,7 +346,7 @@ def test_a_stop_of_an_observer_ends_it(pages, place, do):
 
 @pytest.mark.parametrize("do", ["halt", "quick_stop", "quick_stop_all"])
 def test_a_stop_during_the_pause_of_a_trial_prevents_the_return(pages, place, do):
-    looker = pages.admit(Role.LOOKER)
+    looker = pages.admit(Role.OBSERVER)
     pages.step(place)
     pages.go_on(place, 0.8)
     assert pages.machine["x"].state is AxisState.STANDSTILL

@@ -7,9 +7,9 @@ import math
 import pytest
 
 from axisbus.motion.states import AxisState
-from axisbus.web.tuning.outcome import FIGURES, told
+from axisbus.web.tuning.outcome import FIGURES, report
 from axisbus.web.tuning.step import TuningStep, TuningStepKind
-from axisbus.web.tuning.trial import DEAF, START, NextAction, TrialPhase, TrialSample, TuningTrial
+from axisbus.web.tuning.trial import NO_CYCLE_TIME, START, NextAction, TrialPhase, TrialSample, TuningTrial
 
 PERIOD = 0.01
 MOVE = TuningStep("x", TuningStepKind.POSITION, 10.0, 100.0, 1000.0, 1.0)
@@ -30,7 +30,7 @@ class TrialBench:
         """One more cycle; return the next action."""
         self.time += after
         self.now += after
-        self.trial.hear([TrialSample(self.time, state, actual, target, NAN, error)], self.now)
+        self.trial.add_points([TrialSample(self.time, state, actual, target, NAN, error)], self.now)
         return self.trial.next(self.now)
 
     def side(self, state, target, actual, seconds=1.0):
@@ -52,7 +52,7 @@ def test_a_trial_moves_measures_returns_measures_and_ends():
     done = seen.side(MOVES, 0.0, rising(10.0, 0.0))
     assert done[-1] is NextAction.END
     assert set(done[:-1]) == {NextAction.WAIT}
-    assert (seen.trial.over, seen.trial.why) == (True, "")
+    assert (seen.trial.ended, seen.trial.why) == (True, "")
     assert seen.trial.next(seen.now) is NextAction.WAIT
 
 
@@ -62,7 +62,7 @@ def test_a_velocity_trial_returns_to_0_and_is_in_motion_all_the_time():
     seen.cycle(STANDS)
     assert seen.side(TURNS, NAN, rising(0.0, 20.0))[-1] is NextAction.RETURN
     assert seen.side(TURNS, NAN, rising(20.0, 0.0))[-1] is NextAction.END
-    found = told(TURN, TrialPhase.BACK, seen.trial.sides[TrialPhase.BACK], ("deg/s", "deg"))
+    found = report(TURN, TrialPhase.BACK, seen.trial.sides[TrialPhase.BACK], ("deg/s", "deg"))
     assert found["error"] == "unknown"
     assert float(found["settled"].split()[0]) == pytest.approx(0.05 * math.log(50), abs=0.02)
 
@@ -123,18 +123,18 @@ def test_the_time_until_the_drive_begins_is_not_the_axis_s():
     seen.cycle()
     for _ in range(20):
         seen.cycle(MOVES, 0.1, 10.0)
-    assert seen.trial.sides[TrialPhase.THERE].begun is None
+    assert seen.trial.sides[TrialPhase.THERE].started is None
     seen.cycle(MOVES, 0.3, 10.0)
-    assert seen.trial.sides[TrialPhase.THERE].begun == seen.time
+    assert seen.trial.sides[TrialPhase.THERE].started == seen.time
 
 
 def test_a_demand_that_moves_begins_it():
     seen = TrialBench()
     for state, demand in ((STANDS, 3.0), (MOVES, 3.0), (MOVES, 3.01)):
         seen.time += PERIOD
-        seen.trial.hear([TrialSample(seen.time, state, 3.0, 13.0, demand, 0.0)], 0.0)
+        seen.trial.add_points([TrialSample(seen.time, state, 3.0, 13.0, demand, 0.0)], 0.0)
         seen.trial.next(0.0)
-    assert seen.trial.sides[TrialPhase.THERE].begun == seen.time
+    assert seen.trial.sides[TrialPhase.THERE].started == seen.time
 
 
 @pytest.mark.parametrize("begun", [False, True])
@@ -142,8 +142,8 @@ def test_silence_of_the_core_disturbs_it(begun):
     seen = TrialBench()
     if begun:
         seen.cycle()
-    assert seen.trial.next(seen.now + DEAF - 0.01) is (NextAction.WAIT)
-    seen.trial.next(seen.now + DEAF + 0.01)
+    assert seen.trial.next(seen.now + NO_CYCLE_TIME - 0.01) is (NextAction.WAIT)
+    seen.trial.next(seen.now + NO_CYCLE_TIME + 0.01)
     assert "no cycle" in seen.trial.why
 
 
@@ -169,9 +169,9 @@ def test_an_axis_that_rings_returns_by_its_new_target_and_is_measured():
     seen.cycle()
     assert seen.side(MOVES, 10.0, lambda time: 10.0 + math.sin(60 * time))[-1] is NextAction.RETURN
     assert seen.cycle(MOVES, 10.0, 10.0) is NextAction.WAIT
-    assert seen.trial.sides[TrialPhase.BACK].begun is None
+    assert seen.trial.sides[TrialPhase.BACK].started is None
     assert seen.side(MOVES, 0.3, rising(10.0, 0.3))[-1] is NextAction.END
-    found = told(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "deg"))
+    found = report(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "deg"))
     assert found["settled"] == "not settled"
     assert float(found["ripple"].split("%")[0]) == pytest.approx(20.0, abs=0.2)
     assert float(found["overshoot"].split("%")[0]) == pytest.approx(10.0, abs=0.1)
@@ -183,7 +183,7 @@ def test_the_figures_are_those_of_the_curve():
     decay, swing = 8.0, 30.0
     seen.side(MOVES, 10.0, lambda time: 10.0 * (1.0 - math.exp(-decay * time) * math.cos(swing * time)))
     side = seen.trial.sides[TrialPhase.THERE]
-    found = told(MOVE, TrialPhase.THERE, side, ("deg", "deg"))
+    found = report(MOVE, TrialPhase.THERE, side, ("deg", "deg"))
     assert set(found) == {name for name, _ in FIGURES}
     peak = max(-math.exp(-decay * k * PERIOD) * math.cos(swing * k * PERIOD) for k in range(1, 101))
     assert found["overshoot"] == f"{peak * 100:.1f} % ({peak * 10:.3g} deg)"
@@ -197,14 +197,14 @@ def test_the_highest_following_error_is_a_magnitude():
     for error in (0.1, -0.7, NAN, 0.3, *[0.0] * 30):
         seen.cycle(MOVES, 10.0, 10.0, error)
     assert (
-        told(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "mm"))["error"] == "0.7 mm"
+        report(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "mm"))["error"] == "0.7 mm"
     )
 
 
 def test_of_too_little_there_are_no_figures():
     seen = TrialBench()
     seen.cycle()
-    found = told(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "deg"))
+    found = report(MOVE, TrialPhase.THERE, seen.trial.sides[TrialPhase.THERE], ("deg", "deg"))
     assert set(found.values()) == {"unknown"}
 
 
@@ -217,4 +217,4 @@ def test_of_too_little_there_are_no_figures():
     ],
 )
 def test_how_long_a_step_takes(step, seconds):
-    assert step.takes() == pytest.approx(seconds)
+    assert step.expected_time() == pytest.approx(seconds)

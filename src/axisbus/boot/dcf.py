@@ -48,7 +48,7 @@ def apply(objects: NodeObjects, cell: CellConfig, eds: Eds, make: DrivePlugin) -
     try:
         selection = own_values(cell, objects.node_id, eds, make)
         restore = Restore(objects, selection)
-        require_within_limits(restore.look(), eds, objects.node_id)
+        require_within_limits(restore.read_present(), eds, objects.node_id)
     except ArgumentError as error:
         raise BootError(
             f"node {objects.node_id}: {error.message}",

@@ -45,9 +45,9 @@ def _head(can_id: int, length: int, extended: bool, remote: bool) -> str:
 def _crc(bits: str) -> int:
     register = 0
     for bit in bits:
-        turn = (register >> 14 & 1) ^ (bit == "1")
+        inverted = (register >> 14 & 1) ^ (bit == "1")
         register = (register << 1) & 0x7FFF
-        if turn:
+        if inverted:
             register ^= _CRC
     return register
 
@@ -147,11 +147,11 @@ class Meter:
 
     def result(self, seconds: float | None = None) -> MeasuredLoad | None:
         """Return the sums over ``seconds`` (None: from the first frame to the last); None if that time is 0."""
-        span = seconds if seconds is not None else self.last - (self.first or 0.0)
-        if span <= 0:
+        duration = seconds if seconds is not None else self.last - (self.first or 0.0)
+        if duration <= 0:
             return None
         return MeasuredLoad(
-            self.bitrate, span, self.total, self.by_node, self.by_kind, self.peak, dict(self.errors)
+            self.bitrate, duration, self.total, self.by_node, self.by_kind, self.peak, dict(self.errors)
         )
 
     def _slide(self, time: float, bits: int) -> None:

@@ -39,29 +39,29 @@ def reserved_for(cob_id: int) -> str:
 class Use(NamedTuple):
     """One producer of a COB-ID; ``line`` is the line of the cell file that defines it.
 
-    ``remedy`` is empty if the COB-ID is the predefined one, which should not be changed. ``doubt`` says why the COB-ID on the bus
-    may differ from the EDS; empty if the COB-ID is certain.
+    ``remedy`` is empty if the COB-ID is the predefined one, which should not be changed. ``uncertainty`` says why the COB-ID
+    on the bus may differ from the EDS; empty if the COB-ID is certain.
     """
 
     cob_id: int
     what: str
     line: int
     remedy: str = ""
-    doubt: str = ""
+    uncertainty: str = ""
 
 
 def duplicates(case: CheckContext) -> Problems:
     """Find COB-IDs that two producers share; the master is the producer of each RPDO."""
-    seen: dict[int, Use] = {}
+    used_by: dict[int, Use] = {}
     for use in _uses(case):
-        other = seen.setdefault(use.cob_id, use)
+        other = used_by.setdefault(use.cob_id, use)
         if other is use:
             continue
         first, later = sorted((other, use), key=lambda each: each.line)
         message = f"COB-ID {use.cob_id:03X}h is produced twice: {first.what} and {later.what}"
         remedy = later.remedy or first.remedy or "give the nodes other IDs"
-        if later.doubt or first.doubt:
-            yield case.warning(later.line, message, later.doubt or first.doubt, remedy)
+        if later.uncertainty or first.uncertainty:
+            yield case.warning(later.line, message, later.uncertainty or first.uncertainty, remedy)
         else:
             yield case.error(later.line, message, f"the first is at line {first.line}", remedy)
 
@@ -90,21 +90,21 @@ def _by_default(each: NodePdo, node: NodeConfig) -> str:
 def _uses(case: CheckContext) -> Iterator[Use]:
     bus = case.cell.bus
     if bus.sync:
-        odd = bus.sync_cob_id != cob.SYNC
-        whose = "another device" if bus.hears_sync else "the master"
+        is_changed = bus.sync_cob_id != cob.SYNC
+        sync_producer = "another device" if bus.hears_sync else "the master"
         yield Use(
             bus.sync_cob_id,
-            f"SYNC of {whose}",
+            f"SYNC of {sync_producer}",
             bus.at.of("sync_cob_id"),
-            "another sync_cob_id" if odd else "",
+            "another sync_cob_id" if is_changed else "",
         )
     if bus.time is not None:
-        odd = bus.time_cob_id != cob.TIME
+        is_changed = bus.time_cob_id != cob.TIME
         yield Use(
             bus.time_cob_id,
             "TIME of the master",
             bus.at.of("time_cob_id"),
-            "another time_cob_id" if odd else "",
+            "another time_cob_id" if is_changed else "",
         )
     for node, eds, _ in case.nodes:
         if eds.node_id not in (None, node.node_id):
@@ -124,10 +124,10 @@ def _emergency(case: CheckContext, node: NodeConfig) -> Iterator[Use]:
         value = predefined
     if not value & cob.INVALID:
         cob_id = value & cob.ID_MASK_11
-        odd = cob_id != predefined
-        remedy = f'"1014" = 0x{predefined:X} in [nodes.{node.node_id}.objects]' if odd else ""
-        doubt = "by the EDS, which gives EMCY a COB-ID other than 80h + node ID" if odd else ""
-        yield Use(cob_id, f"EMCY of node {node.node_id}", node.at.line, remedy, doubt)
+        is_changed = cob_id != predefined
+        remedy = f'"1014" = 0x{predefined:X} in [nodes.{node.node_id}.objects]' if is_changed else ""
+        uncertainty = "by the EDS, which gives EMCY a COB-ID other than 80h + node ID" if is_changed else ""
+        yield Use(cob_id, f"EMCY of node {node.node_id}", node.at.line, remedy, uncertainty)
 
 
 _MOVED = "by the EDS; boot gives them separate COB-IDs (it fails if a drive refuses); until then a running drive disturbs the other"
@@ -140,8 +140,8 @@ def _pdo_uses(node: NodeConfig, eds: Eds) -> Iterator[Use]:
             continue  # disabled, 29 bits long, or written without node-ID: boot assigns a COB-ID
         line = each.config.at.of("cob_id") if each.config is not None else node.at.line
         what = f"{each.name} {'to' if each.receive else 'of'} node {node.node_id}"
-        odd = cob_id != cob.of_pdo(each.pdo.number, node.node_id, receive=each.receive)
-        remedy = f"another cob_id in [nodes.{node.node_id}.pdo.{each.name.lower()}]" if odd else ""
+        is_changed = cob_id != cob.of_pdo(each.pdo.number, node.node_id, receive=each.receive)
+        remedy = f"another cob_id in [nodes.{node.node_id}.pdo.{each.name.lower()}]" if is_changed else ""
         yield Use(cob_id, what, line, remedy, "" if each.own_id else _MOVED)
 
 

@@ -40,7 +40,7 @@ LONGEST_FRAME = worst_bits(8)
 SDO_TRANSFER = 2 * worst_bits(8)  # a request and its answer
 _STEP = 0.0001  # seconds
 _LONGEST_PERIOD = 1.0
-_SLACK = 1e-9
+_ROUNDING = 1e-9
 _TIME_BYTES = 6
 _TARGETS = frozenset({objects.TARGET_POSITION, objects.TARGET_VELOCITY, objects.TARGET_TORQUE})
 
@@ -71,7 +71,7 @@ class CycleSlot:
     @property
     def times(self) -> int:
         """The number of these frames in the fullest cycle."""
-        return max(1, math.ceil(self.share - _SLACK))
+        return max(1, math.ceil(self.share - _ROUNDING))
 
     @property
     def rank(self) -> tuple[int, int]:
@@ -123,7 +123,7 @@ class Timetable:
     def holds(self, load: float) -> bool:
         """Return whether this period has room for an SDO transfer, with a bus load of at most ``load`` (0 to 1)."""
         needed = LONGEST_FRAME + SDO_TRANSFER + self.bits
-        return needed <= self.bitrate * self.period + _SLACK and self.load <= load + _SLACK
+        return needed <= self.bitrate * self.period + _ROUNDING and self.load <= load + _ROUNDING
 
     @property
     def bits(self) -> float:
@@ -134,12 +134,12 @@ class Timetable:
 def timetable(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> Timetable:
     """Return the timetable of a cell; ``files``: the EDS of each node by its ID."""
     frames = sorted(_frames(cell, files), key=lambda slot: slot.rank)
-    placed, time = [], LONGEST_FRAME / bitrate
+    scheduled, time = [], LONGEST_FRAME / bitrate
     for slot in frames:
         end = time + slot.bits * slot.times / bitrate
-        placed.append(replace(slot, begin=time, end=end))
+        scheduled.append(replace(slot, begin=time, end=end))
         time = end
-    return Timetable(bitrate, cell.bus.scan_period, tuple(placed))
+    return Timetable(bitrate, cell.bus.scan_period, tuple(scheduled))
 
 
 def shortest(
@@ -194,15 +194,15 @@ def _of_pdo(
 ) -> Iterator[CycleSlot]:
     kind = "RPDO" if receive else "TPDO"
     name, share = f"{kind}{pdo.number}", per_cycle(pdo, receive, cell, node.node_id)
-    asked_every = None if receive else requested_pdos(node.pdos).get(pdo.number)
-    if asked_every is not None:
-        share = cell.bus.scan_period / asked_every
+    request_interval = None if receive else requested_pdos(node.pdos).get(pdo.number)
+    if request_interval is not None:
+        share = cell.bus.scan_period / request_interval
         yield CycleSlot(pdo.cob_id, "request", node.node_id, name, (), 0, share)
     if share:
-        yield CycleSlot(pdo.cob_id, kind, node.node_id, name, _carried(pdo, dictionary), pdo.size, share)
+        yield CycleSlot(pdo.cob_id, kind, node.node_id, name, _signal_names(pdo, dictionary), pdo.size, share)
 
 
-def _carried(pdo: PdoConfiguration, dictionary: Dictionary) -> tuple[str, ...]:
+def _signal_names(pdo: PdoConfiguration, dictionary: Dictionary) -> tuple[str, ...]:
     """Return the names of the objects in a PDO."""
     entries = (dictionary.entry(mapped.index, mapped.subindex) for mapped in pdo.mapping)
     return tuple(entry.name or f"{entry.index:04X}h:{entry.subindex:02X}" for entry in entries)
@@ -226,11 +226,11 @@ def per_cycle(pdo: PdoConfiguration, receive: bool, cell: CellConfig, node_id: i
 
 def _serves(pdo: PdoConfiguration, cell: CellConfig, node_id: int) -> bool:
     """Whether an RPDO holds more than targets of modes that none of the node's axes uses."""
-    held = {first_axis(mapped.index) for mapped in pdo.mapping if not mapped.is_dummy}
-    if not held <= _TARGETS:
+    mapped_objects = {first_axis(mapped.index) for mapped in pdo.mapping if not mapped.is_dummy}
+    if not mapped_objects <= _TARGETS:
         return True
     used = (mode for axis in cell.axes_of(node_id) for mode in _modes_of(axis))
-    return any(held.intersection(FACTS[mode].required) for mode in used)
+    return any(mapped_objects.intersection(FACTS[mode].required) for mode in used)
 
 
 def _modes_of(axis: AxisConfig) -> Iterator[ModeOfOperation]:
@@ -240,8 +240,8 @@ def _modes_of(axis: AxisConfig) -> Iterator[ModeOfOperation]:
 # -- Check that the frames of one cycle fit into its period at the bus's bit rate; the finding shows the calculation ----
 
 
-_LATE = 0.001  # seconds; whether a shorter period is kept depends on the computer
-_NO_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
+_SHORT_PERIOD = 0.001  # seconds; whether a shorter period is kept depends on the computer
+_WITHOUT_WIRE = frozenset({"sim", "virtual", "udp_multicast"})
 _KINDS = {"heartbeat": "heartbeats", "answer": "answers of CAN Simple", "target": "targets of CAN Simple"}
 
 
@@ -251,7 +251,7 @@ def bus_load(case: CheckContext) -> Problems:
     if not bus.at.sound("bitrate", "scan_period", "sync", "heartbeat", "interface") or not case.eds:
         return
     if bus.bitrate is None:
-        if bus.interface not in _NO_WIRE:
+        if bus.interface not in _WITHOUT_WIRE:
             yield case.note(
                 bus.at.line,
                 "the bus load cannot be computed: the bitrate is not known",
@@ -259,7 +259,7 @@ def bus_load(case: CheckContext) -> Problems:
                 "compared",
             )
         return
-    if not _modules_sound(case):
+    if not _modules_are_valid(case):
         return
     try:
         table = timetable(case.cell, case.eds, bus.bitrate)
@@ -281,12 +281,14 @@ def bus_load(case: CheckContext) -> Problems:
 
 def _periods(case: CheckContext, bitrate: int) -> str:
     """Return the shortest period from ``axisbus plan``, and the shortest period without a warning, as text."""
-    least, calm = (shortest(case.cell, case.eds, bitrate, load) for load in (ERROR_LOAD, WARNING_LOAD))
-    if least is None or calm is None:
+    shortest_period, shortest_without_warning = (
+        shortest(case.cell, case.eds, bitrate, load) for load in (ERROR_LOAD, WARNING_LOAD)
+    )
+    if shortest_period is None or shortest_without_warning is None:
         return ""
     return (
-        f'scan_period = "{calm * 1000:g}ms" or longer, with which the load is at most {WARNING_LOAD:.0%} (the shortest that '
-        f'the bus can carry is "{least * 1000:g}ms": axisbus plan), '
+        f'scan_period = "{shortest_without_warning * 1000:g}ms" or longer, with which the load is at most {WARNING_LOAD:.0%} (the '
+        f'shortest that the bus can carry is "{shortest_period * 1000:g}ms": axisbus plan), '
     )
 
 
@@ -305,7 +307,7 @@ def _kind(slot: CycleSlot) -> str:
     return _KINDS.get(slot.kind, slot.kind)
 
 
-def _modules_sound(case: CheckContext) -> bool:
+def _modules_are_valid(case: CheckContext) -> bool:
     """Whether the frames of the cell's CAN Simple modules are known; another check reports errors in their tables."""
     return all(
         node.module.at.sound(*keys_of(node.module.protocol))
@@ -320,7 +322,7 @@ def _modules_sound(case: CheckContext) -> bool:
 def short_period(case: CheckContext) -> Problems:
     """Warn of a period that an ordinary computer does not keep."""
     bus = case.cell.bus
-    if bus.at.sound("scan_period") and bus.scan_period < _LATE:
+    if bus.at.sound("scan_period") and bus.scan_period < _SHORT_PERIOD:
         yield case.warning(
             bus.at.of("scan_period"),
             f"a scan_period of {bus.scan_period * 1000:g} ms is shorter than an ordinary computer can keep",
@@ -332,20 +334,20 @@ def short_period(case: CheckContext) -> Problems:
 def interpolation(case: CheckContext) -> Problems:
     """Warn of a period that 60C2h cannot hold, if the cell uses cyclic modes."""
     bus = case.cell.bus
-    wanted = [
+    requested = [
         drive.axis.name
         for drive in case.drives
         if any(case.cell.groups_of(drive.axis.name))
         or {"csp", "csv", "cst", "ip"} & set(drive.axis.modes or ())
     ]
-    if not wanted or not bus.at.sound("scan_period", "sync") or not bus.sync:
+    if not requested or not bus.at.sound("scan_period", "sync") or not bus.sync:
         return
     try:
         interpolation_period(bus.scan_period)
     except LimitError as error:
         yield case.warning(
             bus.at.of("scan_period"),
-            f"cyclic modes will be refused on {', '.join(wanted)}: {error.message}",
+            f"cyclic modes will be refused on {', '.join(requested)}: {error.message}",
             error.observed,
             f'the nearest that fits: scan_period = "{nearest_period(bus.scan_period) * 1000:g}ms"',
         )

@@ -21,9 +21,9 @@ _NEEDS = {
 }
 
 
-def _asking(case: CheckContext) -> list[tuple[Drive, FeedForward]]:
+def _with_feed_forward(case: CheckContext) -> list[tuple[Drive, FeedForward]]:
     pairs = [(drive, feed_forward(drive.axis, None)) for drive in case.drives]
-    return [(drive, asked) for drive, asked in pairs if asked is not None]
+    return [(drive, requested) for drive, requested in pairs if requested is not None]
 
 
 def _line(drive: Drive, name: str) -> int:
@@ -33,7 +33,7 @@ def _line(drive: Drive, name: str) -> int:
     return next((at.of(key) for key in keys if at.gives(key)), at.line)
 
 
-def nothing(case: CheckContext) -> Problems:
+def no_effect(case: CheckContext) -> Problems:
     """Warn of a feed-forward table without an effect."""
     for axis in case.cell.driven.values():
         at = axis.feed_forward.at
@@ -46,11 +46,11 @@ def nothing(case: CheckContext) -> Problems:
             )
 
 
-def carried(case: CheckContext) -> Problems:
+def outputs_mapped(case: CheckContext) -> Problems:
     """Check that the drive has each offset, and that a synchronous PDO carries it."""
-    for drive, asked in _asking(case):
+    for drive, requested in _with_feed_forward(case):
         sources = planned(case, drive).outputs if case.cell.bus.sync else {}
-        for name in asked.outputs:
+        for name in requested.outputs:
             index, line = OFFSET_OBJECTS[name], _line(drive, name)
             message = f"axis {drive.axis.name}: its feed-forward cannot be sent by {own_title(drive, index)}"
             delete = f"delete the keys that need it in [{drive.axis.feed_forward.at.name}]"
@@ -92,9 +92,9 @@ def planned(case: CheckContext, drive: Drive) -> PdoPlan:
 
 def used(case: CheckContext) -> Problems:
     """Warn of an offset that no mode of the axis adds."""
-    for drive, asked in _asking(case):
+    for drive, requested in _with_feed_forward(case):
         named = drive.axis.modes
-        for name in asked.outputs:
+        for name in requested.outputs:
             modes = _NEEDS[name]
             shorts = {_M.CYCLIC_SYNC_POSITION: "csp", _M.CYCLIC_SYNC_VELOCITY: "csv"}
             if not any(mode in drive.runnable and (named is None or shorts[mode] in named) for mode in modes):
@@ -109,16 +109,16 @@ def used(case: CheckContext) -> Problems:
 
 def computed(case: CheckContext) -> Problems:
     """Check that velocities and torques can be converted to the drive's units, and stay below the highest torque."""
-    for drive, asked in _asking(case):
+    for drive, requested in _with_feed_forward(case):
         axis, at = drive.axis, drive.axis.feed_forward.at
-        if asked.velocity and not units_of(axis).ratio_known and axis.at.sound("unit", "velocity_scale"):
+        if requested.velocity and not units_of(axis).ratio_known and axis.at.sound("unit", "velocity_scale"):
             yield case.error(
                 at.of("velocity"),
                 f"axis {axis.name}: the unit of velocity of its drive is not given",
                 "the velocity of a set-point is in position units; 60B1h is in the drive's velocity increments",
                 f"write velocity_scale in [{axis.at.name}]",
             )
-        if not asked.by_torque or not axis.at.sound("rated_torque"):
+        if not requested.by_torque or not axis.at.sound("rated_torque"):
             continue
         if axis.rated_torque is None:
             yield case.error(
@@ -128,36 +128,36 @@ def computed(case: CheckContext) -> Problems:
                 f"add rated_torque in N·m to [{axis.at.name}]",
             )
         else:
-            yield from _too_much(case, drive, asked)
+            yield from _too_high(case, drive, requested)
 
 
-def _too_much(case: CheckContext, drive: Drive, asked: FeedForward) -> Problems:
+def _too_high(case: CheckContext, drive: Drive, requested: FeedForward) -> Problems:
     axis, at = drive.axis, drive.axis.feed_forward.at
     limits = scale_proposal.limited_torque(
         AxisLimits(torque=axis.max_torque), axis.rated_torque, drive.number
     )
     if limits.torque is None:
         return
-    most = f"{limits.torque_key} is {limits.torque:g} N·m"
-    constant = abs(asked.torque or 0.0)
+    limit_text = f"{limits.torque_key} is {limits.torque:g} N·m"
+    constant = abs(requested.torque or 0.0)
     if constant > limits.torque:
         yield case.error(
             at.of("torque_offset"),
             f"axis {axis.name}: torque_offset is above the torque limit of the axis",
-            most,
+            limit_text,
             "correct it",
         )
-    highest = constant + (asked.inertia or 0.0) * (axis.max_acceleration or 0.0)
+    highest = constant + (requested.inertia or 0.0) * (axis.max_acceleration or 0.0)
     if constant <= limits.torque < highest:
         yield case.warning(
             at.of("inertia"),
             f"axis {axis.name}: its feed-forward reaches {highest:g} N·m at max_acceleration, and is limited to less",
-            most,
+            limit_text,
             "check whether inertia is in N·m per unit/s², or lower max_acceleration",
         )
 
 
-CHECKS: tuple[Check, ...] = (nothing, carried, used, computed)
+CHECKS: tuple[Check, ...] = (no_effect, outputs_mapped, used, computed)
 
 
 # -- Report the axes that the master commands in ip, because their drive has no csp ------------------------------------

@@ -55,7 +55,7 @@ def axes_are_there(case: CheckContext) -> Problems:
             yield case.error(line, message, remedy="name the two axes that carry the beam")
 
 
-def can_carry(case: CheckContext) -> Problems:
+def can_move_load(case: CheckContext) -> Problems:
     """Check that both axes have a drive, are not endless, and have one unit."""
     for gantry, *axes in _pairs(case):
         line = gantry.at.of("axes")
@@ -78,7 +78,7 @@ def can_carry(case: CheckContext) -> Problems:
 
 
 # Settings that should be equal for both: the key, the consequence of a difference, the value.
-_SAME: tuple[tuple[str, str, Callable[[AxisConfig], Any]], ...] = (
+_EQUAL_SETTINGS: tuple[tuple[str, str, Callable[[AxisConfig], Any]], ...] = (
     ("scale", "is that so, by two different gears? Else every move bends the beam", lambda axis: axis.scale),
     (
         "deceleration",
@@ -100,27 +100,27 @@ _SMALLER: tuple[tuple[str, Callable[[AxisConfig], Any]], ...] = (
 )
 
 
-def alike(case: CheckContext) -> Problems:
+def equal_settings(case: CheckContext) -> Problems:
     """Warn of settings that make the axes of a pair behave differently; note limits that differ: the smaller one applies."""
     for gantry, first, second in _driven(case):
-        for key, why, value in _SAME:
+        for key, why, value in _EQUAL_SETTINGS:
             a, b = value(first), value(second)
             if a != b:
                 message = f"the axes of gantry {gantry.name} have different values of {key}"
-                observed = f"{first.name} has {_told(a)}, {second.name} has {_told(b)}: {why}"
+                observed = f"{first.name} has {_value_text(a)}, {second.name} has {_value_text(b)}: {why}"
                 yield case.warning(gantry.at.of("axes"), message, observed, "give both the same")
         for key, value in _SMALLER:
             a, b = value(first), value(second)
             if a != b:
                 message = f"the axes of gantry {gantry.name} have different {key}"
                 observed = (
-                    f"{first.name} has {_told(a)}, {second.name} has {_told(b)}: the lower limit of each applies to "
+                    f"{first.name} has {_value_text(a)}, {second.name} has {_value_text(b)}: the lower limit of each applies to "
                     "the beam"
                 )
                 yield case.note(gantry.at.of("axes"), message, observed)
 
 
-def _told(value: Any) -> str:
+def _value_text(value: Any) -> str:
     return "none" if value is None else str(value)
 
 
@@ -165,10 +165,10 @@ def in_step(case: CheckContext) -> Problems:
             and gantry.at.sound("max_skew")
             and gantry.max_skew < _CYCLES * period * fastest
         ):
-            way = _CYCLES * period * fastest
+            distance = _CYCLES * period * fastest
             message = f"max_skew of gantry {gantry.name} is less than its axes move in two cycles"
             observed = (
-                f"{way:g} at max_velocity: feedback of one drive that is two cycles late would stop both"
+                f"{distance:g} at max_velocity: feedback of one drive that is two cycles late would stop both"
             )
             yield case.warning(
                 gantry.at.of("max_skew"), message, observed, "allow more, or make the scan faster"
@@ -192,8 +192,8 @@ def homing(case: CheckContext) -> Problems:
                 remedy = f"add [gantries.{gantry.name}.homing], or use set_position(...)"
                 yield case.note(gantry.at.line, message, "[gantries.NAME.homing] is missing", remedy)
             continue
-        wanted = axes if plan.switches == "each" else axes[:1]
-        for axis in wanted:
+        switched = axes if plan.switches == "each" else axes[:1]
+        for axis in switched:
             drive = drives.get(axis.name)
             if drive is None or not plan.at.sound("input", "edge"):
                 continue
@@ -220,4 +220,4 @@ def homing(case: CheckContext) -> Problems:
                 yield case.error(plan.at.of("velocity"), message, observed, "home more slowly")
 
 
-CHECKS: tuple[Check, ...] = (axes_are_there, can_carry, alike, in_groups, in_step, homing)
+CHECKS: tuple[Check, ...] = (axes_are_there, can_move_load, equal_settings, in_groups, in_step, homing)

@@ -53,7 +53,7 @@ def objects(case: CheckContext) -> Problems:
         else:
             yield from _bit(case, config, entry)
             yield from _safe(case, config, entry)
-            yield from _ours(case, config, entry)
+            yield from _of_axes(case, config, entry)
 
 
 def encoders(case: CheckContext) -> Problems:
@@ -87,7 +87,7 @@ def _no_count(case: CheckContext, config: IoConfig | None) -> tuple[str, str]:
     return "", ""
 
 
-def apart(case: CheckContext) -> Problems:
+def overlapping(case: CheckContext) -> Problems:
     """Check that no two outputs use the same bits."""
     points = [point for _, _, point in _points(case) if point.output]
     for one, other in combinations(points, 2):
@@ -117,12 +117,12 @@ def travel(case: CheckContext) -> Problems:
             )
 
 
-def alone(case: CheckContext) -> Problems:
+def shared_pdos(case: CheckContext) -> Problems:
     """Warn of outputs that the module does not set to their safe state when the master fails suddenly."""
     for config, node, point in _points(case):
         if not point.output or not case.cell.bus.at.sound("heartbeat"):
             continue
-        why = _not_alone(case, node, point)
+        why = _why_shared(case, node, point)
         if why:
             yield case.warning(
                 config.at.line,
@@ -132,7 +132,7 @@ def alone(case: CheckContext) -> Problems:
             )
 
 
-def numbers_alone(case: CheckContext) -> Problems:
+def shared_numbers(case: CheckContext) -> Problems:
     """Warn of a safe number that modules of different makers interpret differently (6444h has 32 bits for outputs of 16)."""
     for config, node, point in _points(case):
         row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
@@ -152,7 +152,7 @@ def numbers_alone(case: CheckContext) -> Problems:
         )
 
 
-def _not_alone(case: CheckContext, node: NodeConfig, point: IoPoint) -> str:
+def _why_shared(case: CheckContext, node: NodeConfig, point: IoPoint) -> str:
     if case.cell.bus.heartbeat is None:
         return "without heartbeat in [bus] no module detects the loss of its master"
     row, eds = ERROR_OBJECTS.get(point.index), case.eds[node.node_id]
@@ -238,7 +238,7 @@ def _safe(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
         )
 
 
-def _ours(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
+def _of_axes(case: CheckContext, config: IoConfig, entry: MapEntry) -> Problems:
     """Check that an output is not a communication parameter, and not an object that its axis needs."""
     if not entry.receive:
         return
@@ -266,4 +266,4 @@ def _is_of(config: IoConfig, text: str, dictionary: Dictionary) -> bool:
     return entry is not None and text.startswith(_name(entry))
 
 
-CHECKS: tuple[Check, ...] = (have_nodes, objects, encoders, apart, travel, alone, numbers_alone)
+CHECKS: tuple[Check, ...] = (have_nodes, objects, encoders, overlapping, travel, shared_pdos, shared_numbers)

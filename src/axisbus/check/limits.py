@@ -186,7 +186,9 @@ def in_drive(case: CheckContext) -> Problems:
             yield case.warning(
                 axis.at.of(limit.key),
                 f"axis {axis.name}: {limit.key} cannot be left in the drive as {own_title(drive, limit.number)}",
-                "the drive has no such object" if not drive.has(limit.number) else _UNSAID[limit.number],
+                "the drive has no such object"
+                if not drive.has(limit.number)
+                else _WHY_NOT_SENT[limit.number],
                 "only the master monitors it; without the master nothing does. Otherwise write the object in "
                 f"[{axis.at.name}.objects]",
             )
@@ -235,7 +237,7 @@ def promised(case: CheckContext) -> Problems:
             )
 
 
-_UNSAID = {
+_WHY_NOT_SENT = {
     objects.SOFTWARE_POSITION_LIMIT: "it has only a part of it",
     objects.MAX_PROFILE_VELOCITY: "it is less than one increment of the drive's velocity",
     objects.MAX_MOTOR_SPEED: "the increments per revolution of the motor are not known: 608Fh and scale do not agree",

@@ -46,8 +46,8 @@ def summary(case: CheckContext) -> Problems:
     """Note the modes of each axis by its objects and 6502h, and the differences between the two."""
     for drive in case.drives:
         shown = mode_list(drive)
-        late = {mode: why for mode, why in event_driven(case, drive).items() if mode in shown.modes}
-        runs = [FACTS[mode].short for mode in USED if mode in shown.modes and mode not in late]
+        not_cyclic = {mode: why for mode, why in event_driven(case, drive).items() if mode in shown.modes}
+        runs = [FACTS[mode].short for mode in USED if mode in shown.modes and mode not in not_cyclic]
         unclaimed = [
             f"not {FACTS[mode].short} ({titles(missing)} missing)"
             for mode in USED
@@ -60,17 +60,17 @@ def summary(case: CheckContext) -> Problems:
                 (
                     *shown.doubts,
                     *unclaimed,
-                    *(f"not {FACTS[mode].short} ({why})" for mode, why in late.items()),
+                    *(f"not {FACTS[mode].short} ({why})" for mode, why in not_cyclic.items()),
                 )
             )
             or "by the objects of its EDS and 6502h; boot asks the drive",
         )
 
 
-def asked_for(case: CheckContext) -> Problems:
+def required_modes(case: CheckContext) -> Problems:
     """Check that the modes that the cell asks for have the objects that the master needs."""
     for drive in case.drives:
-        for mode, line, reason in _asked(drive):
+        for mode, line, reason in _required_modes(drive):
             method = drive.axis.homing.method if mode is _M.HOMING else None
             missing = drive.missing(needed(mode, method))
             if missing:
@@ -103,17 +103,17 @@ def _moves_otherwise(drive: Drive, mode: ModeOfOperation) -> bool:
     return mode is _M.PROFILE_POSITION and not named and _M.CYCLIC_SYNC_POSITION in drive.runnable
 
 
-def _asked(drive: Drive) -> Iterator[tuple[ModeOfOperation, int, str]]:
+def _required_modes(drive: Drive) -> Iterator[tuple[ModeOfOperation, int, str]]:
     axis = drive.axis
     for short in axis.modes or ():
         yield _BY_SHORT_NAME[short], axis.at.of("modes"), f"modes in [{axis.at.name}]"
     if axis.homing.method is not None and "hm" not in (axis.modes or ()):
         yield _M.HOMING, axis.homing.at.of("method"), f"method in [{axis.homing.at.name}]"
-    if axis.defaults.velocity is not None and axis.modes is None and not _turns_only(drive):
+    if axis.defaults.velocity is not None and axis.modes is None and not _has_only_velocity(drive):
         yield _M.PROFILE_POSITION, axis.defaults.at.of("velocity"), f"velocity in [{axis.defaults.at.name}]"
 
 
-def _turns_only(drive: Drive) -> bool:
+def _has_only_velocity(drive: Drive) -> bool:
     """Whether the drive can run pv: then its default velocity may be meant for move_velocity."""
     return _M.PROFILE_VELOCITY in drive.runnable
 
@@ -168,7 +168,7 @@ def event_driven(case: CheckContext, drive: Drive) -> dict[ModeOfOperation, str]
     if not case.cell.bus.sync or interpolates(drive) or not types_are_fixed:
         return {}
     found = {}
-    pdos = [pdo for pdo in planned(case, drive).pdos if _keeps_events(drive, pdo)]
+    pdos = [pdo for pdo in planned(case, drive).pdos if _needs_events(drive, pdo)]
     for mode, target in _TARGETS.items():
         types = ", ".join(
             f"{_communication(pdo):04X}h:02 of {pdo.name} is {pdo.before.transmission_type}"
@@ -180,7 +180,7 @@ def event_driven(case: CheckContext, drive: Drive) -> dict[ModeOfOperation, str]
     return found
 
 
-def _keeps_events(drive: Drive, pdo: PlannedPdo) -> bool:
+def _needs_events(drive: Drive, pdo: PlannedPdo) -> bool:
     return not pdo.before.synchronous and not _has_writable_type(drive, _communication(pdo))
 
 
@@ -244,7 +244,7 @@ def unclaimed(case: CheckContext) -> Problems:
         claimed = drive.claimed
         if claimed is None:
             continue
-        for mode, line, reason in _asked(drive):
+        for mode, line, reason in _required_modes(drive):
             by_ip = mode is _M.CYCLIC_SYNC_POSITION and interpolates(drive)
             if mode not in claimed and mode in drive.runnable and not by_ip:
                 names = ", ".join(FACTS[each].short for each in sorted(claimed)) or "none"
@@ -258,7 +258,7 @@ def unclaimed(case: CheckContext) -> Problems:
 
 CHECKS: tuple[Check, ...] = (
     summary,
-    asked_for,
+    required_modes,
     without_commands,
     homing_left_out,
     groups,

@@ -38,7 +38,7 @@ _FORBIDDEN: tuple[tuple[range, str, str], ...] = (
 )  # fmt: skip
 
 # Objects that the master sets, with the entry of the cell file that defines the value.
-_OURS = {
+_SET_BY_AXISBUS = {
     cia301.CONSUMER_HEARTBEAT: "heartbeat in [bus]",
     cia301.PRODUCER_HEARTBEAT: "heartbeat in [bus]",
     objects.INTERPOLATION_TIME_PERIOD: "scan_period in [bus]",
@@ -98,9 +98,9 @@ def _compared(case: CheckContext, write: CellWrite, drive: Drive) -> CellProblem
 def written_twice(case: CheckContext) -> Problems:
     """Check that no two entries write different values into one object."""
     for node, _, dictionary in case.nodes:
-        seen: dict[tuple[int, int], CellWrite] = {}
+        earlier: dict[tuple[int, int], CellWrite] = {}
         for write in _explicit(case, node.node_id, dictionary):
-            other = seen.setdefault(write.address, write)
+            other = earlier.setdefault(write.address, write)
             if other.value != write.value:
                 entry = dictionary.entry(*write.address)
                 yield case.error(
@@ -156,12 +156,12 @@ def _refusal(case: CheckContext, setting: ObjectSetting, entry: DictionaryEntry)
     for indices, why, remedy in _FORBIDDEN:
         if index in indices:
             return case.error(setting.line, f"[{setting.table}] must not write {entry}", why, remedy)
-    if index in _OURS:
+    if index in _SET_BY_AXISBUS:
         return case.warning(
             setting.line,
             f"[{setting.table}]: {entry} is overwritten by the master",
-            f"it follows from {_OURS[index]}",
-            f"delete this line and set {_OURS[index]}",
+            f"it follows from {_SET_BY_AXISBUS[index]}",
+            f"delete this line and set {_SET_BY_AXISBUS[index]}",
         )
     return None
 
@@ -184,10 +184,13 @@ def _write(case: CheckContext, write: CellWrite, dictionary: Dictionary, eds: Ed
             "delete this line",
         )
     else:
-        unfit = _unfit(write.value, entry)
-        if unfit:
+        why_unfit = _unfit(write.value, entry)
+        if why_unfit:
             yield case.error(
-                write.line, f"{write.source}: {entry} cannot hold {write.value!r}", unfit, "correct the value"
+                write.line,
+                f"{write.source}: {entry} cannot hold {write.value!r}",
+                why_unfit,
+                "correct the value",
             )
 
 

@@ -161,11 +161,11 @@ def _not_mappable(
             "leave it out: it is read and written by SDO",
         )
     if variable.access not in directions:
-        way = "the drive only sends it" if config.receive else "the drive only receives it"
+        direction = "the drive only sends it" if config.receive else "the drive only receives it"
         return case.error(
             line,
             f"{where}: {entry} has the other direction",
-            f"{eds.source}:{variable.line}: access {variable.access}, so {way}",
+            f"{eds.source}:{variable.line}: access {variable.access}, so {direction}",
             f"map it into {'a TPDO' if config.receive else 'an RPDO'}",
         )
     return None
@@ -194,14 +194,14 @@ def size(case: CheckContext) -> Problems:
 def controlword_last(case: CheckContext) -> Problems:
     """Note a map with entries after the controlword: a drive that takes entry by entry acts before it has the rest."""
     for node, _, dictionary, config in _tables(case):
-        words = {own_index(CONTROLWORD, axis.drive_axis) for axis in case.cell.axes_of(node.node_id)}
+        controlwords = {own_index(CONTROLWORD, axis.drive_axis) for axis in case.cell.axes_of(node.node_id)}
         mapped = [entry for entry, _ in _known(config, dictionary) if not entry.is_dummy]
-        behind = [entry for entry in mapped[:-1] if entry.index in words]
-        if config.receive and behind:
+        after_controlword = [entry for entry in mapped[:-1] if entry.index in controlwords]
+        if config.receive and after_controlword:
             yield case.note(
                 config.at.of("map"),
                 f"node {node.node_id}: {config.name} does not map the controlword last",
-                f"{dictionary.entry(behind[0].index, 0)} is mapped before "
+                f"{dictionary.entry(after_controlword[0].index, 0)} is mapped before "
                 f"{dictionary.entry(mapped[-1].index, mapped[-1].subindex)}; many drives process the entries one by one, so "
                 "the edge of a set-point is sent a cycle after its target",
                 "write the controlword last, unless the drive needs this order",

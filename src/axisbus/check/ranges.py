@@ -132,13 +132,13 @@ def _software_limits(case: CheckContext, drive: Drive) -> Problems:
     high = drive.number(objects.SOFTWARE_POSITION_LIMIT, 2)
     if axis.position_limits is None or low is None or high is None or low >= high:
         return
-    ours = sorted(scale.to_increments(value) for value in axis.position_limits)
-    if low > ours[0] or high < ours[1]:
-        theirs = sorted((scale.to_units(low), scale.to_units(high)))
+    cell_range = sorted(scale.to_increments(value) for value in axis.position_limits)
+    if low > cell_range[0] or high < cell_range[1]:
+        drive_range = sorted((scale.to_units(low), scale.to_units(high)))
         yield case.warning(
             axis.at.of("position_limits"),
             f"axis {axis.name}: the drive's own position limits are narrower than position_limits",
-            f"607Dh is {low} to {counted(high, 'increment')}, {theirs[0]:g} to {theirs[1]:g} {axis.unit}",
+            f"607Dh is {low} to {counted(high, 'increment')}, {drive_range[0]:g} to {drive_range[1]:g} {axis.unit}",
             "moves beyond them end with an internal limit (statusword bit 11): narrow position_limits, or write "
             f'"607D:01" and "607D:02" in [{axis.at.name}.objects]',
         )

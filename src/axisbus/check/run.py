@@ -105,11 +105,11 @@ def checked(path: str | Path, beside: bool = False) -> CellConfig:
     cell, problems = reader.read(path)
     if cell is None:
         raise as_exception(errors(problems))
-    require_sound(cell, problems)
+    require_no_errors(cell, problems)
     return cell.beside(beside)
 
 
-def require_sound(cell: CellConfig, problems: list[CellProblem]) -> None:
+def require_no_errors(cell: CellConfig, problems: list[CellProblem]) -> None:
     """Raise ``ConfigError`` as ``checked`` does; ``problems`` come from reading the cell. Blocks for its files."""
     if wrong := errors(check_cell(cell, problems)):
         raise as_exception(wrong)

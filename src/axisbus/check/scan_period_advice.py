@@ -12,7 +12,7 @@ from axisbus.cia305.services import BIT_TIMINGS
 from axisbus.eds.model import Eds
 
 _BY_POSITION = ("pp", "hm", "csp")  # modes that need no target other than the position
-_SELDOM = 1.0  # seconds between two heartbeats
+_MIN_HEARTBEAT = 1.0  # seconds between two heartbeats
 
 
 class PeriodReduction(NamedTuple):
@@ -24,11 +24,11 @@ class PeriodReduction(NamedTuple):
 
 def changes(cell: CellConfig, files: Mapping[int, Eds], bitrate: int) -> list[PeriodReduction]:
     """Return the changes that reduce the shortest period, the best first."""
-    now = shortest(cell, files, bitrate) or float("inf")
+    shortest_now = shortest(cell, files, bitrate) or float("inf")
     found = []
     for what, changed, rate in _candidates(cell, bitrate):
         period = shortest(changed, files, rate)
-        if period is not None and period < now:
+        if period is not None and period < shortest_now:
             found.append(PeriodReduction(what, period))
     return sorted(found, key=lambda change: change.period)
 
@@ -56,10 +56,10 @@ def _candidates(cell: CellConfig, bitrate: int) -> Iterator[tuple[str, CellConfi
         modes = ", ".join(f'"{mode}"' for mode in _BY_POSITION)
         what = f"modes = [{modes}] in {where}: no velocities and torques are then commanded"
         yield what, _with_modes(cell, wide), bitrate
-    if cell.bus.heartbeat is not None and cell.bus.heartbeat < _SELDOM:
+    if cell.bus.heartbeat is not None and cell.bus.heartbeat < _MIN_HEARTBEAT:
         yield (
-            f'heartbeat = "{_SELDOM:g}s" in [bus]: a lost node is then detected later',
-            replace(cell, bus=replace(cell.bus, heartbeat=_SELDOM)),
+            f'heartbeat = "{_MIN_HEARTBEAT:g}s" in [bus]: a lost node is then detected later',
+            replace(cell, bus=replace(cell.bus, heartbeat=_MIN_HEARTBEAT)),
             bitrate,
         )
     if len(cell.nodes) > 1:
@@ -80,7 +80,7 @@ def _with_modes(cell: CellConfig, names: list[str]) -> CellConfig:
     return replace(cell, axes={**cell.axes, **changed})
 
 
-def _with_nodes(cell: CellConfig, kept: list[int]) -> CellConfig:
-    nodes = {node_id: node for node_id, node in cell.nodes.items() if node_id in kept}
+def _with_nodes(cell: CellConfig, node_ids: list[int]) -> CellConfig:
+    nodes = {node_id: node for node_id, node in cell.nodes.items() if node_id in node_ids}
     axes = {name: axis for name, axis in cell.driven.items() if axis.node in nodes}
     return replace(cell, nodes=nodes, axes=axes)

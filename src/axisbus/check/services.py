@@ -23,14 +23,14 @@ def listeners(case: CheckContext) -> Problems:
             yield case.note(
                 node.at.line,
                 f"node {node.node_id} {what}",
-                _said(value, eds),
+                _value_text(value, eds),
                 f"boot sets 1005h to {case.cell.bus.sync_cob_id:X}h",
             )
         elif what:
             yield case.error(
                 node.at.line,
                 f"node {node.node_id} {what}",
-                _said(value, eds) + ", and cannot be written",
+                _value_text(value, eds) + ", and cannot be written",
                 "set it with the drive's own tool, or sync = false in [bus]",
             )
 
@@ -39,8 +39,10 @@ def _sync_trouble(value: int, bus: BusConfig) -> str:
     if value & cob.SYNC_PRODUCER and not bus.hears_sync:
         return "produces SYNC, and so does the master"
     if value & cob.ID_MASK_11 != bus.sync_cob_id:
-        there = "comes on" if bus.hears_sync else "the master sends"
-        return f"waits for SYNC on the COB-ID {value & cob.ID_MASK_11:03X}h; {there} {bus.sync_cob_id:03X}h"
+        sync_text = "comes on" if bus.hears_sync else "the master sends"
+        return (
+            f"waits for SYNC on the COB-ID {value & cob.ID_MASK_11:03X}h; {sync_text} {bus.sync_cob_id:03X}h"
+        )
     return ""
 
 
@@ -50,15 +52,15 @@ def producers(case: CheckContext) -> Problems:
         return
     values = [(node, case.node_number(node, o.COB_ID_SYNC) or 0) for node, _, _ in case.nodes]
     found = [node for node, value in values if value & cob.SYNC_PRODUCER]
-    wanted = round(case.cell.bus.scan_period * 1e6)
+    expected = round(case.cell.bus.scan_period * 1e6)
     for node in found:
         period = case.node_number(node, o.CYCLE_PERIOD)
-        if period is not None and period != wanted:
+        if period is not None and period != expected:
             yield case.warning(
                 node.at.line,
-                f"node {node.node_id} sends SYNC every {period} µs, but scan_period is {wanted} µs",
+                f"node {node.node_id} sends SYNC every {period} µs, but scan_period is {expected} µs",
                 "1006h of the producer is the period of the scan",
-                f'"1006" = {wanted} in [nodes.{node.node_id}.objects]',
+                f'"1006" = {expected} in [nodes.{node.node_id}.objects]',
             )
     for node in found[1:]:
         yield case.error(
@@ -72,11 +74,11 @@ def producers(case: CheckContext) -> Problems:
 def identifiers(case: CheckContext) -> Problems:
     """Check that SYNC and TIME do not use identifiers of other services (CiA 301 7.3.5)."""
     bus = case.cell.bus
-    wanted = (
+    cob_ids = (
         ("sync_cob_id", bus.sync_cob_id, cob.SYNC, bus.sync),
         ("time_cob_id", bus.time_cob_id, cob.TIME, bus.time is not None),
     )
-    for key, cob_id, own, used in wanted:
+    for key, cob_id, own, used in cob_ids:
         why = reserved_for(cob_id) if used and cob_id != own else ""
         if why:
             yield case.error(
@@ -145,7 +147,7 @@ def period(case: CheckContext) -> Problems:
             )
 
 
-def _said(value: int, eds: Eds) -> str:
+def _value_text(value: int, eds: Eds) -> str:
     return f"1005h is {value:X}h in {eds.source}"
 
 

@@ -37,7 +37,7 @@ _ON_QUICK_RAMP: tuple[tuple[OptionCode, frozenset[int]], ...] = (
 def coasting(case: CheckContext) -> Problems:
     """Report each reaction that does not brake: an error if the axis holds a load, else a warning."""
     for drive in case.drives:
-        for option, values, better in _REACTIONS:
+        for option, values, preferred in _REACTIONS:
             value = drive.number(option.index, option.subindex)
             if value not in values:
                 continue
@@ -50,11 +50,11 @@ def coasting(case: CheckContext) -> Problems:
                 f"axis {drive.axis.name}: {option.title}: {option.meaning(value)}"
                 + (", and the axis holds a load" if holds else ""),
                 f"{own_title(drive, option.index)} is {value} {source}",
-                f'{option.key} = "{better}{_hold(drive, option)}" in [axes.{drive.axis.name}.stop]',
+                f'{option.key} = "{preferred}{_holding_note(drive, option)}" in [axes.{drive.axis.name}.stop]',
             )
 
 
-def _hold(drive: Drive, option: OptionCode) -> str:
+def _holding_note(drive: Drive, option: OptionCode) -> str:
     return "-hold" if option is options.QUICK_STOP and drive.axis.holds_load == "torque" else ""
 
 

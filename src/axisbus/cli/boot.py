@@ -37,7 +37,7 @@ _RECONNECT_HELP = "Open the CAN adapter of the running machine again, after it w
 _NODE_HELP = "Boot this node of the running machine, whose other axes continue; may be repeated."
 
 
-class _Told:
+class _BootProgress:
     """Output while nodes boot; called in their threads; holds the nodes whose program download runs."""
 
     def __init__(self, line: ProgressLine | None, *, quiet: bool) -> None:
@@ -46,12 +46,12 @@ class _Told:
         self._lock = threading.Lock()
         self._nodes: set[int] = set()
 
-    def through(self, done: int, total: int) -> None:
+    def note_booted(self, done: int, total: int) -> None:
         """Note the number of booted nodes."""
         if self._line is not None:
             with self._lock:
                 self._line.label(_LABEL)
-                self._line.tell(done, total)
+                self._line.update(done, total)
 
     def program(self, node: int, done: int, total: int | None) -> None:
         """Note the progress of a node's program download in bytes."""
@@ -99,11 +99,11 @@ def command(
     if wanted or reconnect:
         return _boot_in_machine(cell, wanted, reconnect=reconnect, take=take, as_json=as_json)
     with progress_line(_LABEL, quiet=as_json) as line:
-        told = _Told(line, quiet=as_json)
+        boot_progress = _BootProgress(line, quiet=as_json)
         try:
-            reports = boot(cell, told.through, told.program, beside=beside)
+            reports = boot(cell, boot_progress.note_booted, boot_progress.program, beside=beside)
         except KeyboardInterrupt:
-            told.interrupted(cell)
+            boot_progress.interrupted(cell)
             raise
     failed = [report for report in reports if not report.ok and not report.optional]
     up = sum(report.ok for report in reports)
@@ -139,17 +139,17 @@ def _boot_in_machine(
     """
     why, remedy = "boots nodes of a running machine", f"to boot all nodes: axisbus boot {cell}"
     verb = "boot --reconnect" if reconnect else "boot --node"
-    reports, unsure = list[NodeReport](), False
+    reports, unconfirmed = list[NodeReport](), False
     with running(cell, verb, why, remedy, command=True, take=take) as machine:
         if reconnect:
             stopped = machine.reconnect()
-            unsure = not all(each.ok for each in stopped)
+            unconfirmed = not all(each.ok for each in stopped)
             nodes = nodes or tuple(canopen_nodes(machine.cell))
             if not as_json:
                 say("the CAN adapter was opened again; every axis is in ErrorStop")
                 for each in stopped:
                     say(f"{each.axis}: {each.text}")
-            if unsure:
+            if unconfirmed:
                 say_error(alarm(stopped))
         for node in [machine.node(node_id) for node_id in dict.fromkeys(nodes)]:
             try:
@@ -168,7 +168,7 @@ def _boot_in_machine(
         )
     elif any(report.axes for report in reports):
         say_next(f"axisbus reset {cell} {' '.join(axis.name for report in reports for axis in report.axes)}")
-    return FAILURE if failed or unsure else OK
+    return FAILURE if failed or unconfirmed else OK
 
 
 def _boot_node(node: NodeAccess, *, quiet: bool) -> NodeReport:
@@ -176,9 +176,9 @@ def _boot_node(node: NodeAccess, *, quiet: bool) -> NodeReport:
     with progress_line(_LABEL, quiet=quiet) as line:
         done = itertools.count()
 
-        def tell(step: str) -> None:
+        def show_step(step: str) -> None:
             if line is not None:
                 line.label(f"{_LABEL} node {node.node_id}: {step}")
-                line.tell(next(done), _STEPS)
+                line.update(next(done), _STEPS)
 
-        return node.boot(tell)
+        return node.boot(show_step)

@@ -65,9 +65,9 @@ def command(
     wanted = table.chooser((), ids_of(ignore), table.RuleIds(checks(), _COMMAND))
     problems = check(cell)
     code = WRONG if errors(problems) else OK
-    kept = [each for each in problems if each.severity is Severity.ERROR or wanted(each.rule)]
-    ignored = len(shared(problems)) - len(shared(kept))
-    visible = errors(kept) if errors_only else kept
+    visible_problems = [each for each in problems if each.severity is Severity.ERROR or wanted(each.rule)]
+    ignored = len(shared(problems)) - len(shared(visible_problems))
+    visible = errors(visible_problems) if errors_only else visible_problems
     if as_json:
         findings = [_plain(each) for each in shared(visible)]
         say_json({"file": str(cell), "ok": code == OK, "ignored": ignored, "findings": findings})
@@ -75,15 +75,15 @@ def command(
         found = {str(cell): [_finding(each) for each in visible]}
         say_json(sarif.log(found, __version__, Path.cwd(), _COMMAND, checks()))
     else:
-        _show(cell, kept, visible, ignored)
+        _show(cell, visible_problems, visible, ignored)
     return code
 
 
 def _show(cell: Path, problems: list[CellProblem], visible: list[CellProblem], ignored: int) -> None:
-    for problem in sorted(_put_together(visible), key=_errors_last):
+    for problem in sorted(_merged(visible), key=_errors_last):
         severity = problem.severity.value
         say_styled(problem.with_rule, f"{severity}:", STYLES[severity])
-    counts = Counter(problem.severity.value for problem in _put_together(problems))
+    counts = Counter(problem.severity.value for problem in _merged(problems))
     left_out = f", {ignored} ignored" if ignored else ""
     say(
         f"{cell}: {', '.join(counted(counts[severity], severity) for severity in reversed(_ORDER))}{left_out}"
@@ -94,7 +94,7 @@ def _show(cell: Path, problems: list[CellProblem], visible: list[CellProblem], i
     say_next(f"fix the errors and check again: axisbus check {cell}" if wrong else f"axisbus boot {cell}")
 
 
-def _put_together(problems: Iterable[CellProblem]) -> list[CellProblem]:
+def _merged(problems: Iterable[CellProblem]) -> list[CellProblem]:
     return [each.problem for each in shared(problems)]
 
 

@@ -31,10 +31,10 @@ from axisbus.motion.states import AxisState
 _TURNING = (AxisState.CONTINUOUS_MOTION, AxisState.SYNCHRONIZED_MOTION)  # alone, and as an axis of a pair
 
 
-_LOOK = 0.1  # seconds
+_POLL_PERIOD = 0.1  # seconds
 
 
-_HOLD = 0.5  # seconds after which the core halts the axes if this command no longer runs, for example suspended (Ctrl-Z)
+_HOLD_TIME = 0.5  # seconds after which the core halts the axes if this command no longer runs, for example suspended (Ctrl-Z)
 
 
 for_option = click.option(
@@ -69,7 +69,7 @@ class TimedMotion:
             enable(chosen)
             try:
                 self._begin(machine, chosen)
-                _keep(machine, chosen, seconds)
+                _wait(machine, chosen, seconds)
                 halts = [each.halt() for each in chosen]
             finally:  # not before the halts are given: until then nothing else ends the motion
                 machine.hold_to_run(None)
@@ -80,9 +80,9 @@ class TimedMotion:
 
     def _begin(self, machine: Machine, chosen: Sequence[Mover]) -> None:
         """Start all, and wait until each has its set value. A ramp may be long: the core halts it, too, without this command."""
-        machine.hold_to_run(_HOLD)
-        ways = [MoverProgress(each, self.begin(each, self.wanted[each.name])) for each in chosen]
-        follow(machine, ways, _HOLD)
+        machine.hold_to_run(_HOLD_TIME)
+        progress = [MoverProgress(each, self.begin(each, self.wanted[each.name])) for each in chosen]
+        follow(machine, progress, _HOLD_TIME)
         for each in chosen:
             say(f"{each.name}: has {self.wanted[each.name]:g} {self.unit(each)}")
 
@@ -91,7 +91,7 @@ class TimedMotion:
             self.begin(each, self.wanted[each.name])
 
 
-def _keep(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> None:
+def _wait(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> None:
     """Keep them moving.
 
     Raises:
@@ -100,9 +100,11 @@ def _keep(machine: Machine, chosen: Sequence[Mover], seconds: float | None) -> N
     until = None if seconds is None else time.monotonic() + seconds
     try:
         while until is None or time.monotonic() < until:
-            machine.hold_to_run(_HOLD)
-            left = _LOOK if until is None else min(_LOOK, max(0.0, until - time.monotonic()))
-            machine.sleep(left)
+            machine.hold_to_run(_HOLD_TIME)
+            remaining = (
+                _POLL_PERIOD if until is None else min(_POLL_PERIOD, max(0.0, until - time.monotonic()))
+            )
+            machine.sleep(remaining)
             for axis in all_axes(chosen):
                 _require_turning(axis)
             draw("; ".join(speed_text(each) for each in chosen))

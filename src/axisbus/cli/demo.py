@@ -52,28 +52,28 @@ def command(cell: Path | None, output: Path, plot: bool, record: Path | None) ->
     _require_simulated(checked(path))
     for name in ("recording.csv", "motion.png", "cell.toml"):
         require_writable(output / name)
-    tally = DemoResult()
-    tally.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
+    result = DemoResult()
+    result.say(f"cell {path} - simulated drives on a virtual CAN bus, in real time")
     machine = Machine.open(path)
     with Recorder(machine) as recorder, machine:  # the recorder also records the stop
         with recorded(machine, record) as recording:
-            _job(machine, tally)
+            _job(machine, result)
         lateness = machine.cycle_jitter
-    tally.say("every axis has been halted and disabled, the nodes are pre-operational")
+    result.say("every axis has been halted and disabled, the nodes are pre-operational")
     csv = recorder.write_csv(output / "recording.csv")
-    tally.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")
+    result.say(f"{counted(len(recorder), 'cycle')} recorded in {csv}")
     picture = None
     if plot:
-        picture = _draw(recorder, output, tally)
-    code = _summary(tally, lateness.worst, lateness.skipped, lateness.cycles)
-    say_next(f"open {picture or csv}; then axisbus check {cell or _kept(path, output / 'cell.toml')}")
+        picture = _draw(recorder, output, result)
+    code = _summary(result, lateness.worst, lateness.skipped, lateness.cycles)
+    say_next(f"open {picture or csv}; then axisbus check {cell or _copy(path, output / 'cell.toml')}")
     return recording.code or code
 
 
-def _kept(ours: Path, copy: Path) -> Path:
+def _copy(temporary: Path, copy: Path) -> Path:
     """Write a copy of the cell file for the user; an existing file is not replaced, as the user may have changed it."""
     if not copy.exists():
-        write_whole(copy, ours.read_bytes())
+        write_whole(copy, temporary.read_bytes())
     return copy
 
 
@@ -89,87 +89,87 @@ def _require_simulated(cell: CellConfig) -> None:
         raise click.UsageError(f"{cell.file}: the demo homes every axis, and a virtual one cannot be homed")
 
 
-def _job(machine: Machine, tally: DemoResult) -> None:
-    _report_boot(machine, tally)
+def _job(machine: Machine, result: DemoResult) -> None:
+    _report_boot(machine, result)
     names = [axis.name for axis in machine]
-    tally.say("enable: all axes")
+    result.say("enable: all axes")
     wait(axis.enable() for axis in machine)
-    tally.say("home: " + ", ".join(names))
+    result.say("home: " + ", ".join(names))
     wait(axis.home() for axis in machine)
-    _profile_moves(machine, tally)
-    _together(machine, tally)
-    _fault(machine, tally)
-    tally.say("move back to 0, all at once")
+    _profile_moves(machine, result)
+    _together(machine, result)
+    _fault(machine, result)
+    result.say("move back to 0, all at once")
     wait(axis.move_absolute(0.0) for axis in machine)
-    _note(machine, tally, "back", [0.0] * len(names))
+    _note(machine, result, "back", [0.0] * len(names))
 
 
-def _report_boot(machine: Machine, tally: DemoResult) -> None:
+def _report_boot(machine: Machine, result: DemoResult) -> None:
     for report in machine.reports:
         for line in report.text().splitlines():
-            tally.say(line)
+            result.say(line)
 
 
-def _profile_moves(machine: Machine, tally: DemoResult) -> None:
+def _profile_moves(machine: Machine, result: DemoResult) -> None:
     targets = [60.0, -40.0, 120.0][: len(machine)]
-    tally.say("profile position: each axis separately")
+    result.say("profile position: each axis separately")
     wait(axis.move_absolute(target) for axis, target in zip(machine, targets, strict=False))
-    _note(machine, tally, "profile position", targets)
+    _note(machine, result, "profile position", targets)
 
 
-def _together(machine: Machine, tally: DemoResult) -> None:
+def _together(machine: Machine, result: DemoResult) -> None:
     ends = [-30.0, 45.0, 30.0][: len(machine)]
-    tally.say("cyclic synchronous position: all on one straight line, a target with every SYNC")
+    result.say("cyclic synchronous position: all on one straight line, a target with every SYNC")
     machine.group(*(axis.name for axis in machine)).move_linear(ends, velocity=150.0).wait()
-    _note(machine, tally, "straight line (csp)", ends)
+    _note(machine, result, "straight line (csp)", ends)
 
 
-def _fault(machine: Machine, tally: DemoResult) -> None:
+def _fault(machine: Machine, result: DemoResult) -> None:
     """Provoke a fault during a move, wait for its explanation, reset, and continue."""
     axes = list(machine)
-    victim = axes[1 % len(axes)]
-    tally.say(f"a fault is provoked in {victim.name} while all move")
-    handles = [axis.move_relative(60.0 if axis is not victim else -40.0, velocity=40.0) for axis in axes]
+    faulted = axes[1 % len(axes)]
+    result.say(f"a fault is provoked in {faulted.name} while all move")
+    handles = [axis.move_relative(60.0 if axis is not faulted else -40.0, velocity=40.0) for axis in axes]
     machine.sleep(0.6)
-    machine.simulated_node(machine.cell.axes[victim.name].node).fault(_FAULT, _FAULT_BITS)
+    machine.simulated_node(machine.cell.axes[faulted.name].node).fault(_FAULT, _FAULT_BITS)
     try:
         wait(handles)
     except ExceptionGroup as group:
         for error in group.exceptions:
-            tally.say(with_page(error).replace("\n", "\n          "))
+            result.say(with_page(error).replace("\n", "\n          "))
     machine.sleep(0.4)  # the others brake to standstill
-    tally.say("states: " + ", ".join(f"{axis.name} {axis.state.value}" for axis in axes))
-    tally.say(f"reset and enable {victim.name}; its position was not lost")
-    victim.reset().wait()
+    result.say("states: " + ", ".join(f"{axis.name} {axis.state.value}" for axis in axes))
+    result.say(f"reset and enable {faulted.name}; its position was not lost")
+    faulted.reset().wait()
     # The others too: a computer that paused while they halted has switched them off.
     wait(axis.enable() for axis in axes)
 
 
-def _note(machine: Machine, tally: DemoResult, what: str, targets: list[float]) -> None:
+def _note(machine: Machine, result: DemoResult, what: str, targets: list[float]) -> None:
     for axis, target in zip(machine, targets, strict=False):
-        tally.moves.append((what, axis.name, target, axis.position, axis.unit))
+        result.moves.append((what, axis.name, target, axis.position, axis.unit))
 
 
-def _draw(recorder: Recorder, output: Path, tally: DemoResult) -> Path | None:
+def _draw(recorder: Recorder, output: Path, result: DemoResult) -> Path | None:
     """Plot the recording; return the path of the plot, None if there is none."""
     from axisbus.record.plot import plot
 
     try:
         picture = plot(recorder, output / "motion.png", "axisbus demo: three simulated axes")
     except AxisbusError as error:
-        tally.say(f"no picture: {error}")
+        result.say(f"no picture: {error}")
         return None
-    tally.say(f"picture: {picture}")
+    result.say(f"picture: {picture}")
     return picture
 
 
-def _summary(tally: DemoResult, worst: float, skipped: int, cycles: int) -> int:
+def _summary(result: DemoResult, worst: float, skipped: int, cycles: int) -> int:
     say()
     say(f"{'move':<22}{'axis':<6}{'commanded':>12}{'reached':>12}")
-    for what, axis, target, reached, unit in tally.moves:
+    for what, axis, target, reached, unit in result.moves:
         say(f"{what:<22}{axis:<6}{target:>12.3f}{reached:>12.3f} {unit}")
     say(f"worst cycle lateness {worst * 1000:.2f} ms, {skipped} of {counted(cycles, 'cycle')} skipped")
-    off = [axis for _, axis, target, reached, _ in tally.moves if abs(target - reached) > 0.5]
+    off = [axis for _, axis, target, reached, _ in result.moves if abs(target - reached) > 0.5]
     if off:
         say(f"NOT as commanded: {', '.join(off)}")
     return FAILURE if off else OK

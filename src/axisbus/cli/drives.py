@@ -62,7 +62,7 @@ def show_command(name: str, as_json: bool) -> int:
 
     NAME is a name of axisbus drives list, or its beginning.
     """
-    plugin, source = _wanted(name)
+    plugin, source = _named(name)
     if as_json:
         say_json(_facts(plugin))
         return OK
@@ -109,7 +109,7 @@ def check_command(file: Path | None, as_json: bool, schema: bool) -> int:
     return WRONG if plugin is None else OK
 
 
-def _wanted(name: str) -> tuple[DrivePlugin, PluginSource]:
+def _named(name: str) -> tuple[DrivePlugin, PluginSource]:
     from axisbus.drives import registry
 
     known = {plugin.name: (plugin, source) for source in registry.installed() for plugin in source.plugins}
@@ -117,11 +117,11 @@ def _wanted(name: str) -> tuple[DrivePlugin, PluginSource]:
     found = exact or [each for each in known if each.lower().startswith(name.lower())]
     if len(found) == 1:
         return known[found[0]]
-    near = found or difflib.get_close_matches(name, known, n=3)
-    meant = f"did you mean {' or '.join(near)}? " if near else ""
+    similar = found or difflib.get_close_matches(name, known, n=3)
+    suggestion = f"did you mean {' or '.join(similar)}? " if similar else ""
     raise UserError(
         f"{'several drive plug-ins begin with' if found else 'there is no drive plug-in'} {name!r}",
-        remedy=f"{meant}axisbus drives list shows all",
+        remedy=f"{suggestion}axisbus drives list shows all",
     )
 
 

@@ -94,8 +94,8 @@ def reset_command(cell: Path, axes: tuple[str, ...], beside: bool, take: bool) -
         machine.sleep(0.5)  # wait for the details of the fault by SDO
         chosen = movers(machine, names)
         for axis in all_axes(chosen):
-            told = "no fault" if axis.error is None else with_page(axis.error)
-            say(told if told.startswith(f"{axis.name}: ") else f"{axis.name}: {told}")
+            error_text = "no fault" if axis.error is None else with_page(axis.error)
+            say(error_text if error_text.startswith(f"{axis.name}: ") else f"{axis.name}: {error_text}")
         wait([each.reset() for each in chosen])
         for each in chosen:
             say_state(each)

@@ -41,7 +41,7 @@ def command(name: str | None) -> int:
     if name is None:
         _list()
         return OK
-    symptom = _wanted(name)
+    symptom = _named(name)
     _show(symptom, notes_of(symptom), _by_makes(name))
     return OK
 
@@ -55,12 +55,12 @@ def _list() -> None:
     say_next("axisbus explain NAME")
 
 
-def _wanted(name: str) -> Symptom:
+def _named(name: str) -> Symptom:
     symptom = lookup.found(name)
     if symptom is None:
-        near = difflib.get_close_matches(name, [*lookup.words()], n=3)
-        meant = f"did you mean {' or '.join(near)}? " if near else ""
-        raise UserError(f"there is no page {name!r}", remedy=f"{meant}axisbus explain lists all")
+        similar = difflib.get_close_matches(name, [*lookup.words()], n=3)
+        suggestion = f"did you mean {' or '.join(similar)}? " if similar else ""
+        raise UserError(f"there is no page {name!r}", remedy=f"{suggestion}axisbus explain lists all")
     return symptom
 
 
@@ -97,7 +97,7 @@ def _show(symptom: Symptom, notes: list[SymptomNote], by_makes: list[str]) -> No
 # -- The page of a symptom as Markdown, from the tables that the messages use ------------------------------------------
 
 
-_FEW = 12  # the most codes that are listed on a page
+_MAX_CODES = 12  # the most codes that are listed on a page
 
 
 def markdown(
@@ -156,8 +156,8 @@ def _section(title: str, lines: Iterable[str]) -> Iterator[str]:
 
 def _errors(symptom: Symptom) -> Iterator[str]:
     for name in symptom.errors:
-        about = (getattr(errors, name).__doc__ or "").partition("\n")[0]
-        yield f"`{name}`: {about.replace('``', '`')}"
+        summary = (getattr(errors, name).__doc__ or "").partition("\n")[0]
+        yield f"`{name}`: {summary.replace('``', '`')}"
 
 
 def _letters(symptom: Symptom) -> Iterator[str]:
@@ -173,7 +173,7 @@ def _aborts(symptom: Symptom) -> Iterator[str]:
 
 def _faults(symptom: Symptom, every_code: bool) -> Iterator[str]:
     codes = codes_of(symptom)
-    if every_code or len(codes) <= _FEW:
+    if every_code or len(codes) <= _MAX_CODES:
         yield from (f"`0x{code:04X}`: {text}" for code, text in codes.items())
         return
     yield f"{', '.join(f'`{digits}`' for digits in symptom.faults)}: {counted(len(codes), 'code')} of the standards"

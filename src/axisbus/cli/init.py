@@ -65,19 +65,21 @@ def command(
         bus = open_bus(stack, None, interface, channel, bitrate, option)
         nodes = _found(bus, known, output, others, quiet=as_json)
     if not nodes:
-        raise _nobody(others)
-    made = _draft(nodes, interface, channel, bitrate, option)
-    write_whole(output, made.text.encode())
-    return _tell(output, nodes, made, unreadable, as_json)
+        raise _no_answer_error(others)
+    cell_draft = _draft(nodes, interface, channel, bitrate, option)
+    write_whole(output, cell_draft.text.encode())
+    return _report(output, nodes, cell_draft, unreadable, as_json)
 
 
-def _nobody(others: ForeignProtocols) -> UserError:
+def _no_answer_error(others: ForeignProtocols) -> UserError:
     """Return why no cell file is made: no node answers, or the present modules use another protocol."""
-    nothing = "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)"
+    default_remedy = (
+        "check supply, cable, termination and bit rate (axisbus scan), and node-IDs (axisbus lss find)"
+    )
     return UserError(
         "no node answered on the bus; no cell file was written",
         observed="; ".join(others.heard()),
-        remedy="; ".join(others.remedies()) or nothing,
+        remedy="; ".join(others.remedies()) or default_remedy,
     )
 
 
@@ -88,11 +90,11 @@ def _found(
 
     found = scan(bus, listening=others)
     nodes = []
-    with progress_bar("asking the nodes", quiet=quiet) as tell:
+    with progress_bar("asking the nodes", quiet=quiet) as on_progress:
         for number, node in enumerate(found, start=1):
             nodes.append(_node(bus, node, known, output))
-            if tell is not None:
-                tell(number, len(found))
+            if on_progress is not None:
+                on_progress(number, len(found))
     return nodes
 
 
@@ -102,16 +104,16 @@ def _node(bus: Channel, node: DiscoveredNode, known: list[CandidateFile], output
     from axisbus.drives import registry
     from axisbus.scaffold import device_probe, draft, match
 
-    who = node.identity
-    files = match.match(known, node.node_id, who.vendor_id, who.product_code, who.revision)
+    identity = node.identity
+    files = match.match(known, node.node_id, identity.vendor_id, identity.product_code, identity.revision)
     axes: list[device_probe.ProbedAxis] = []
-    if node.answers_sdo and who.profile == PROFILE_NUMBER:
+    if node.answers_sdo and identity.profile == PROFILE_NUMBER:
         client = SdoClient(bus, node.node_id)
         try:
             axes = device_probe.axes(client)
         finally:
             client.close()
-    make = registry.of_identity(who)
+    make = registry.of_identity(identity)
     return draft.NodeFound(node, files, _specs(files, output), tuple(axes), make)
 
 
@@ -139,19 +141,21 @@ def _draft(
     return draft.draft(draft.BusFound(interface, name, rate, parse_options(option)), nodes)
 
 
-def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[str], as_json: bool) -> int:
+def _report(
+    output: Path, nodes: list[NodeFound], cell_draft: Draft, unreadable: list[str], as_json: bool
+) -> int:
     from axisbus.cell.problem import shared
     from axisbus.check.run import check
 
     counts = Counter(each.problem.severity.value for each in shared(check(output)))
-    code = WRONG if made.missing or counts["error"] else OK
+    code = WRONG if cell_draft.missing or counts["error"] else OK
     if as_json:
         say_json(
             {
                 "file": str(output),
                 "nodes": [_plain(node) for node in nodes],
-                "missing": made.missing,
-                "confirm": made.confirm,
+                "missing": cell_draft.missing,
+                "confirm": cell_draft.confirm,
                 "unreadable": unreadable,
                 "check": dict(counts),
             }
@@ -161,9 +165,9 @@ def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[st
         say(_line(node))
     for text in unreadable:
         say(f"not used: {text}")
-    for text in made.missing:
+    for text in cell_draft.missing:
         say(f"MISSING: {text}")
-    for text in made.confirm:
+    for text in cell_draft.confirm:
         say(f"CONFIRM: {text}")
     say(
         f"{output}: {counted(len(nodes), 'node')}, {counted(sum(len(node.axes) for node in nodes), 'axis', 'axes')}"
@@ -173,24 +177,22 @@ def _tell(output: Path, nodes: list[NodeFound], made: Draft, unreadable: list[st
 
 
 def _line(node: NodeFound) -> str:
-    who = node.found.identity
+    identity = node.found.identity
     files = " or ".join(node.specs) or "no EDS"
     axes = f", {counted(len(node.axes), 'axis', 'axes')}" if node.axes else ""
-    return (
-        f"node {node.found.node_id}: {who.device_name or node.found.kind or 'answers no SDO'}{axes}, {files}"
-    )
+    return f"node {node.found.node_id}: {identity.device_name or node.found.kind or 'answers no SDO'}{axes}, {files}"
 
 
 def _plain(node: NodeFound) -> dict[str, object]:
-    who = node.found.identity
+    identity = node.found.identity
     return {
         "node": node.found.node_id,
         "answers_sdo": node.found.answers_sdo,
-        "device_name": who.device_name,
-        "vendor_id": who.vendor_id,
-        "product_code": who.product_code,
-        "revision": who.revision,
-        "serial": who.serial,
+        "device_name": identity.device_name,
+        "vendor_id": identity.vendor_id,
+        "product_code": identity.product_code,
+        "revision": identity.revision,
+        "serial": identity.serial,
         "eds": list(node.specs),
         "axes": [
             {"drive_axis": axis.number, "power": axis.power, "energised": axis.energised}

@@ -48,7 +48,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
     require_free(output, force=force)
     with machine_of(cell, command=False, beside=beside) as machine:
         pace = measure(machine, seconds)
-        late = str(machine.cycle_jitter)
+        jitter_text = str(machine.cycle_jitter)
     if not pace.cycles:
         raise UserError(
             "no SYNC was seen",
@@ -57,7 +57,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
     if as_json:
         say_json(_plain(pace))
     else:
-        _show(pace, late)
+        _show(pace, jitter_text)
     if output is not None:
         write_file(output, lambda file: draw(pace, file, cell.name))
         say(f"written: {output}")
@@ -68,7 +68,7 @@ def command(cell: Path, seconds: float, output: Path | None, force: bool, as_jso
 
 def measure(machine: Machine, seconds: float) -> CycleTiming:
     """Measure the frames of a machine for this time; blocks."""
-    pace = CycleTiming(_cast(machine.cell), machine.cell.bus.scan_period)
+    pace = CycleTiming(_cyclic_identifiers(machine.cell), machine.cell.bus.scan_period)
     with ExitStack() as stack:
         for frame in frames_of(stack, machine, seconds, sorted(pace.seen)):
             pace.add((frame,))
@@ -76,10 +76,15 @@ def measure(machine: Machine, seconds: float) -> CycleTiming:
     return pace
 
 
-def _cast(cell: CellConfig) -> CyclicIdentifiers:
+def _cyclic_identifiers(cell: CellConfig) -> CyclicIdentifiers:
     slots = timetable(cell, load_dictionaries(cell), rate_of(cell) or _ANY_RATE).slots
-    every = [slot for slot in slots if slot.share >= 1]
-    return CyclicIdentifiers(cell.bus.sync_cob_id, _ids(every, "TPDO"), _ids(every, "RPDO"), _first(every))
+    sent_each_cycle = [slot for slot in slots if slot.share >= 1]
+    return CyclicIdentifiers(
+        cell.bus.sync_cob_id,
+        _ids(sent_each_cycle, "TPDO"),
+        _ids(sent_each_cycle, "RPDO"),
+        _first(sent_each_cycle),
+    )
 
 
 def _ids(slots: Sequence[CycleSlot], kind: str) -> frozenset[int]:
@@ -95,17 +100,17 @@ def _first(slots: Sequence[CycleSlot]) -> frozenset[int]:
     return frozenset(found.values())
 
 
-def _show(pace: CycleTiming, late: str) -> None:
+def _show(pace: CycleTiming, jitter_text: str) -> None:
     say(f"{counted(pace.cycles, 'cycle')} of {pace.period * 1000:g} ms, {pace.missing} missing")
-    say(f"since it was opened: {late}")
-    for name, words in MEASURED.items():
+    say(f"since it was opened: {jitter_text}")
+    for name, title in MEASURED.items():
         values = getattr(pace, name)
         found = spread(values)
         if found is None:
-            say(f"{words}: none was seen")
+            say(f"{title}: none was seen")
             continue
         say(
-            f"{words}: {found.least * _US:.0f} to {found.worst * _US:.0f} µs, "
+            f"{title}: {found.least * _US:.0f} to {found.worst * _US:.0f} µs, "
             f"half of them up to {found.p50 * _US:.0f}, 99 % up to {found.p99 * _US:.0f}"
         )
         _draw(values)
@@ -142,9 +147,9 @@ def draw(pace: CycleTiming, path: Path, name: str) -> None:
     """Plot the measurements as a PNG or SVG; raises UserError if matplotlib is not installed. Blocks meanwhile."""
     pyplot = load_pyplot()
     figure, panels = pyplot.subplots(2, 2, figsize=(11, 6), layout="constrained")
-    for panel, (what, words) in zip(panels.flat, MEASURED.items(), strict=True):
+    for panel, (what, title) in zip(panels.flat, MEASURED.items(), strict=True):
         values = [value * _US for value in getattr(pace, what)]
-        panel.set_xlabel(f"{words}, µs")
+        panel.set_xlabel(f"{title}, µs")
         panel.set_ylabel("cycles")
         for side in ("top", "right"):
             panel.spines[side].set_visible(False)

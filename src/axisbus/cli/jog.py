@@ -28,9 +28,9 @@ from axisbus.machine.handle import Handle
 from axisbus.motion.states import AxisState
 from axisbus.system.terminal import key_by_key
 
-_LOOK = 0.05  # seconds between two readings of the keys: a jog lasts 0.2 s
-_HELD = 0.2  # seconds: a key that is repeated sooner is held
-_LET_GO = 0.6  # seconds without a key after which it counts as released: terminals repeat keys sooner
+_POLL_PERIOD = 0.05  # seconds between two readings of the keys: a jog lasts 0.2 s
+_REPEAT_TIME = 0.2  # seconds: a key that is repeated sooner is held
+_RELEASE_TIME = 0.6  # seconds without a key after which it counts as released: terminals repeat keys sooner
 
 
 # -- Read single keys from a terminal, without echo and without waiting for a line -------------------------------------
@@ -58,26 +58,26 @@ _KEYS = {
     b"q": TerminalKey.QUIT,
     b"\x04": TerminalKey.QUIT,  # Ctrl-D
 }
-_LEADS = (b"\x1b", b"\x1b[", b"\x1bO")  # the beginning of a key whose rest has not arrived yet
+_INCOMPLETE_KEYS = (b"\x1b", b"\x1b[", b"\x1bO")  # the beginning of a key whose rest has not arrived yet
 
 
 class TerminalKeyReader:
     """Decode keys from a terminal's bytes; holds the received part of an incomplete key."""
 
     def __init__(self) -> None:
-        self._rest = b""
+        self._incomplete = b""
 
     def feed(self, data: bytes) -> TerminalKey | None:
         """Return the last key in the bytes, except that *halt* has priority, and *quit* before *halt*.
 
         A delayed terminal delivers many repetitions at once: they are old, and count as one.
         """
-        data, self._rest = self._rest + data, b""
+        data, self._incomplete = self._incomplete + data, b""
         found: list[TerminalKey] = []
         while data:
             known = next((keys for keys in _KEYS if data.startswith(keys)), None)
-            if known is None and data in _LEADS:
-                self._rest = data
+            if known is None and data in _INCOMPLETE_KEYS:
+                self._incomplete = data
                 break
             if known is not None:
                 found.append(_KEYS[known])
@@ -94,19 +94,19 @@ class Keyboard:
         self._keys = TerminalKeyReader()
         self._read_at = time.monotonic()
 
-    def read(self, patience: float) -> TerminalKey | None:
-        """Return the key pressed within ``patience`` s, None if there was none; *quit* if the terminal is gone.
+    def read(self, timeout: float) -> TerminalKey | None:
+        """Return the key pressed within ``timeout`` s, None if there was none; *quit* if the terminal is gone.
 
         A key that may have waited in the terminal for more than 0.2 s is old, and moves nothing: this command was suspended, or
         waited for a halt. *halt* and *quit* always count.
         """
-        key, before = self._read(patience), self._read_at
+        key, before = self._read(timeout), self._read_at
         self._read_at = time.monotonic()
-        old = self._read_at - before > patience + _HELD
+        old = self._read_at - before > timeout + _REPEAT_TIME
         return None if old and key in _SIGN else key
 
-    def _read(self, patience: float) -> TerminalKey | None:
-        if not select.select([self._terminal], [], [], patience)[0]:
+    def _read(self, timeout: float) -> TerminalKey | None:
+        if not select.select([self._terminal], [], [], timeout)[0]:
             return None
         try:
             data = os.read(self._terminal, 4096)
@@ -195,13 +195,13 @@ class _Jogging:
             AxisbusError: the axis is in ErrorStop, and why.
         """
         try:
-            while (key := keys.read(_LOOK)) is not TerminalKey.QUIT:
-                told = self._look()
+            while (key := keys.read(_POLL_PERIOD)) is not TerminalKey.QUIT:
+                reason = self._problem()
                 if key is TerminalKey.HALT:
                     self._axis.halt().wait()
                 elif key is not None:
                     self._jog(_SIGN[key] * self._speed)
-                draw(f"{speed_text(self._axis)}  {told}")
+                draw(f"{speed_text(self._axis)}  {reason}")
         finally:
             draw("")
 
@@ -209,13 +209,13 @@ class _Jogging:
         """Start or continue the jog; if the axis was halted by another client, a key that is still held does not move it."""
         now = time.monotonic()
         since, self._pressed = now - self._pressed, now
-        same, self._velocity = velocity == self._velocity, velocity
+        is_same, self._velocity = velocity == self._velocity, velocity
         was_halted = self._last is not None and type(self._last.error) is Interrupted
-        if not (was_halted and same and since < _LET_GO):
-            renews = same and since < _HELD
+        if not (was_halted and is_same and since < _RELEASE_TIME):
+            renews = is_same and since < _REPEAT_TIME
             self._last = self._axis.jog(velocity, acceleration=self._acceleration, continue_only=renews)
 
-    def _look(self) -> str:
+    def _problem(self) -> str:
         """Return why the last jog ended, unless no key was held: at a position limit, the opposite direction is still possible."""
         error = None if self._last is None else self._last.error
         if type(error) is Interrupted:

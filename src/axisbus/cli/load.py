@@ -29,24 +29,24 @@ _LISTEN = 5.0
 @source_options
 @click.option("--seconds", type=Seconds(0.1), help="Listen to the bus for this time [default with -i: 5].")
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
-def command(asked: FrameSourceOptions, seconds: float | None, as_json: bool) -> int:
+def command(options: FrameSourceOptions, seconds: float | None, as_json: bool) -> int:
     """Show the load of a bus, by node and by service: planned for a cell.toml, measured in a recording or (--seconds) on the
     bus.
 
     SOURCE is a cell.toml, a recording, or - for candump's output. Planned figures are a range, from no stuff bits to the highest
     possible number of them; measured figures count the actual stuff bits. It sends nothing. Exit code 1 above 90 %.
     """
-    asked.check()
-    listens = asked.live and (asked.interface is not None or seconds is not None)
+    options.check()
+    listens = options.live and (options.interface is not None or seconds is not None)
     report: dict[str, Any] = {}
-    if asked.cell_file is not None and asked.recording != "-":
-        report["planned"] = _planned(asked.cell_file, asked.bitrate)
-    if listens or not asked.live:
-        report["measured"] = _measured(asked, (seconds or _LISTEN) if listens else None)
+    if options.cell_file is not None and options.recording != "-":
+        report["planned"] = _planned(options.cell_file, options.bitrate)
+    if listens or not options.live:
+        report["measured"] = _measured(options, (seconds or _LISTEN) if listens else None)
     if as_json:
         say_json(report)
     else:
-        _show(report, asked)
+        _show(report, options)
     return (
         WRONG
         if max(part["load_worst" if key == "planned" else "load"] for key, part in report.items()) > FULL
@@ -93,15 +93,15 @@ def _sums(found: list[TrafficStream], rate: int, key: str) -> list[dict[str, Any
 # -- measured ----------------------------------------------------------------------------------------------------------
 
 
-def _measured(asked: FrameSourceOptions, seconds: float | None) -> dict[str, Any]:
+def _measured(options: FrameSourceOptions, seconds: float | None) -> dict[str, Any]:
     from axisbus.check.bus_load import Meter
     from axisbus.trace.decoder import Decoder
 
     with ExitStack() as stack:
-        opened = open_frames(stack, asked, seconds)
-        meter = Meter(asked.bitrate or _rate(opened.loaded, asked.interface, asked.channel))
-        span = _fill(meter, Decoder(opened.known), opened, asked.channel)
-    found = meter.result(None if seconds is None else span)
+        opened = open_frames(stack, options, seconds)
+        meter = Meter(options.bitrate or _rate(opened.loaded, options.interface, options.channel))
+        duration = _fill(meter, Decoder(opened.known), opened, options.channel)
+    found = meter.result(None if seconds is None else duration)
     if found is None:
         raise UserError(
             "the recording is too short to have a load",
@@ -118,7 +118,7 @@ def _measured(asked: FrameSourceOptions, seconds: float | None) -> dict[str, Any
     }
 
 
-def _fill(meter: Any, decoder: Any, opened: FrameSource, asked_channel: str | None) -> float:
+def _fill(meter: Any, decoder: Any, opened: FrameSource, chosen_channel: str | None) -> float:
     """Process all frames; return the duration in seconds.
 
     Raises:
@@ -127,7 +127,7 @@ def _fill(meter: Any, decoder: Any, opened: FrameSource, asked_channel: str | No
     begin = time.monotonic()
     with suppress(KeyboardInterrupt):  # the frames received until then count
         for frame in opened.frames:
-            if len(opened.skipped.channels) > 1 and asked_channel is None:
+            if len(opened.skipped.channels) > 1 and chosen_channel is None:
                 raise UserError(
                     "the recording contains several buses, and the load is that of one bus",
                     observed=", ".join(opened.skipped.channels),
@@ -178,7 +178,7 @@ def _plain(found: MeasuredLoad, first: float) -> dict[str, Any]:
 # -- for people --------------------------------------------------------------------------------------------------------
 
 
-def _show(report: dict[str, Any], asked: FrameSourceOptions) -> None:
+def _show(report: dict[str, Any], options: FrameSourceOptions) -> None:
     planned, measured = report.get("planned"), report.get("measured")
     if planned is not None:
         say(
@@ -207,11 +207,11 @@ def _show(report: dict[str, Any], asked: FrameSourceOptions) -> None:
         if measured["lines_skipped"]:
             skipped = counted(measured["lines_skipped"], "line is not a frame", "lines are not frames")
             say(f"  {skipped}, the first is {measured['first_skipped']}")
-    _next(report, asked)
+    _next(report, options)
 
 
-def _table(part: dict[str, Any], columns: tuple[str, str], heads: str) -> None:
-    say(f"  {'':<14} {'frames/s':>10} {heads.split()[0]:>8} {heads.split()[1]:>8}")
+def _table(part: dict[str, Any], columns: tuple[str, str], titles: str) -> None:
+    say(f"  {'':<14} {'frames/s':>10} {titles.split()[0]:>8} {titles.split()[1]:>8}")
     for row in part["by_node"]:
         _row("of no node" if row["node"] is None else f"node {row['node']}", row, columns)
     for row in part["by_kind"]:
@@ -223,11 +223,11 @@ def _row(name: str, row: dict[str, Any], columns: tuple[str, str]) -> None:
     say(f"  {name:<14} {row['frames_per_second']:>10.1f} {first:>8} {second:>8}")
 
 
-def _next(report: dict[str, Any], asked: FrameSourceOptions) -> None:
+def _next(report: dict[str, Any], options: FrameSourceOptions) -> None:
     if "measured" not in report:
-        say_next(f"measure it while the cell runs: axisbus load {asked.cell_file} --seconds 5")
+        say_next(f"measure it while the cell runs: axisbus load {options.cell_file} --seconds 5")
     else:
         say_next(
             "to see the frames decoded: axisbus trace "
-            + (asked.source or f"-i {asked.interface} -c {asked.channel}")
+            + (options.source or f"-i {options.interface} -c {options.channel}")
         )

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _GROUP = "axisbus_commands"  # entry points of other packages, each a command of click
 # In the order of commissioning.
-_OWN: Table = {
+_BUILT_IN: Table = {
     "demo": ("axisbus.cli.demo", "Demonstrate axisbus on the simulated cell, and draw the motion."),
     "examples": (
         "axisbus.cli.examples",
@@ -91,11 +91,11 @@ class _Commands(Mapping[str, tuple[str, str]]):
     """The table of all commands; other packages are asked only for a name that is no command of axisbus itself."""
 
     def __getitem__(self, name: str) -> tuple[str, str]:
-        own = _of_axisbus(name)
-        return _of_plugins()[name] if own is None else own
+        built_in = _of_axisbus(name)
+        return _of_plugins()[name] if built_in is None else built_in
 
     def __iter__(self) -> Iterator[str]:
-        for name in _OWN:
+        for name in _BUILT_IN:
             if name == _BEFORE:
                 yield from _of_plugins()
             yield name
@@ -108,15 +108,15 @@ def _of_plugins() -> Table:
     others = {
         name: (entry.value, f"A command of {_package(entry)}.") for name, entry in _of_packages().items()
     }
-    return {**others, **_of_own_plugins()}
+    return {**others, **_of_built_in_plugins()}
 
 
 def _of_axisbus(name: str) -> tuple[str, str] | None:
     """Return the row of a command of axisbus itself, without asking other packages."""
-    return _OWN[name] if name in _OWN else _of_own_plugins().get(name)
+    return _BUILT_IN[name] if name in _BUILT_IN else _of_built_in_plugins().get(name)
 
 
-def _of_own_plugins() -> Table:
+def _of_built_in_plugins() -> Table:
     from axisbus.drives.descriptions import descriptions
 
     return {name: command for each in descriptions() for name, command in each.commands.items()}
@@ -166,8 +166,8 @@ def _unusable(entry: EntryPoint, why: str) -> click.Command:
             remedy=f"update or uninstall {package}",
         )
 
-    anything: dict[str, Any] = {"ignore_unknown_options": True, "allow_extra_args": True}
-    return click.Command(entry.name, callback=fail, context_settings=anything, add_help_option=False)
+    pass_through: dict[str, Any] = {"ignore_unknown_options": True, "allow_extra_args": True}
+    return click.Command(entry.name, callback=fail, context_settings=pass_through, add_help_option=False)
 
 
 @click.group(cls=_AllCommands, table=COMMANDS)

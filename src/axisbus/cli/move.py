@@ -61,11 +61,11 @@ def command(
     wanted = parse_targets(targets)
     config = checked(cell)
     sides = sides_of(config, wanted, "move")
-    course = _Course(wanted, relative, velocity, acceleration, timeout)
+    request = _MoveRequest(wanted, relative, velocity, acceleration, timeout)
     rehearsal = DryRun(config)
 
     def rehearse() -> None:
-        course.rehearse(rehearsal, home_first)  # report impossible requests before the bus is opened
+        request.rehearse(rehearsal, home_first)  # report impossible requests before the bus is opened
 
     with commanded(cell, sides, how, rehearse) as (machine, axes):
         for axis in axes:
@@ -76,7 +76,7 @@ def command(
             enable(chosen)
             if home_first:
                 home(machine, [each for each in chosen if has_drive(config, each.name)])
-            follow(machine, [MoverProgress(each, course.start(each)) for each in chosen])
+            follow(machine, [MoverProgress(each, request.start(each)) for each in chosen])
             for each in chosen:
                 say_position(each, "at")
     say_next(f"axisbus monitor {cell}")
@@ -84,7 +84,7 @@ def command(
 
 
 @dataclass(frozen=True, slots=True)
-class _Course:
+class _MoveRequest:
     """The requested motion: a position or distance for each axis, in units, and the velocity."""
 
     targets: Mapping[str, float]
@@ -120,5 +120,5 @@ class _Course:
             raise click.UsageError(
                 f"{mover.name}: a pair has no --timeout; its path is calculated, and monitored"
             )
-        beam = mover.move_relative if self.relative else mover.move_absolute
-        return beam(target, velocity=velocity, acceleration=acceleration)
+        call = mover.move_relative if self.relative else mover.move_absolute
+        return call(target, velocity=velocity, acceleration=acceleration)

@@ -52,7 +52,7 @@ def command(cell: Path, save: bool, compare: bool, saved: bool, as_json: bool) -
         return OK
     before = nameplate.load(file)[1] if compare or (save and file.exists()) else None
     plates, silent = _read(cell, config)
-    found = [] if before is None else nameplate.changes(before, [*plates, *_kept(before, silent)])
+    found = [] if before is None else nameplate.changes(before, [*plates, *_unread_plates(before, silent)])
     if as_json:
         say_json(
             {
@@ -86,10 +86,10 @@ def command(cell: Path, save: bool, compare: bool, saved: bool, as_json: bool) -
 
 def _read(cell: Path, config: CellConfig) -> tuple[list[Nameplate], list[int]]:
     """Return the nameplates of the nodes that answer, and the other nodes."""
-    asked = NodeOptions(None, None, None, (), cell, ())
+    options = NodeOptions(None, None, None, (), cell, ())
     node_ids, plates, silent = sorted(canopen_nodes(config)), list[Nameplate](), list[int]()
     with ExitStack() as stack:
-        nodes = open_nodes(stack, asked, NodeFiles(config), node_ids)
+        nodes = open_nodes(stack, options, NodeFiles(config), node_ids)
         for node_id in node_ids:
             try:
                 plates.append(nameplate.read_nameplate(nodes.node(node_id), config))
@@ -98,7 +98,7 @@ def _read(cell: Path, config: CellConfig) -> tuple[list[Nameplate], list[int]]:
     return plates, silent
 
 
-def _kept(before: list[Nameplate], silent: list[int]) -> list[Nameplate]:
+def _unread_plates(before: list[Nameplate], silent: list[int]) -> list[Nameplate]:
     """Return the stored nameplates of silent nodes: of these nothing is known now."""
     return [plate for plate in before if plate.node in silent]
 

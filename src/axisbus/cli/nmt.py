@@ -12,7 +12,7 @@ import click
 from axisbus.cell.other_protocols import canopen_nodes
 from axisbus.cia301.nmt import NmtCommand
 from axisbus.cli.shared.attach_or_open import take_option
-from axisbus.cli.shared.attached_nodes import joined
+from axisbus.cli.shared.attached_nodes import attach_to_nodes
 from axisbus.cli.shared.common import FAILURE, OK, say, say_json, say_next
 from axisbus.cli.shared.completion import complete_nodes_or_all
 from axisbus.cli.shared.nodes import NodeOptions, NodeSession, node_options
@@ -31,7 +31,7 @@ COMMANDS = {
     "reset-communication": NmtCommand.RESET_COMMUNICATION,
 }
 ALL = "all"
-_PATIENCE = 5.0  # seconds that a node of a running machine may take; a restart takes longest
+_COMMAND_TIMEOUT = 5.0  # seconds that a node of a running machine may take; a restart takes longest
 
 
 @click.command("nmt")
@@ -46,7 +46,7 @@ _PATIENCE = 5.0  # seconds that a node of a running machine may take; a restart 
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 @take_option
 def command(
-    wanted: str, who: tuple[str, ...], asked: NodeOptions, force: bool, as_json: bool, take: bool
+    wanted: str, who: tuple[str, ...], options: NodeOptions, force: bool, as_json: bool, take: bool
 ) -> int:
     """Send the NMT command start, stop, pre-operational, reset-node or reset-communication to nodes, and show the reaction of
     each.
@@ -60,20 +60,20 @@ def command(
     """
     from axisbus.bus.node import nmt_commands
 
-    files = asked.files()
+    files = options.files()
     if ALL in who and len(who) > 1:
         raise click.UsageError('"all" excludes node names')
     to_all = who == (ALL,)
     ids = [] if to_all else list(dict.fromkeys(files.address(each).node_id for each in who))
     order = COMMANDS[wanted]
     with ExitStack() as stack:
-        machine = joined(stack, asked, command=True, take=take)
+        machine = attach_to_nodes(stack, options, command=True, take=take)
         if machine is not None:
-            inside = ids or canopen_nodes(machine.machine.cell)
-            return _tell(_in_machine([machine.node(each) for each in inside], order, force), as_json)
+            node_ids = ids or canopen_nodes(machine.machine.cell)
+            return _report(_in_machine([machine.node(each) for each in node_ids], order, force), as_json)
         known = canopen_nodes(files.cell) if to_all and files.cell is not None else ids
-        session = NodeSession(stack, asked, files, known)
-        nodes = [session.node(node_id) for node_id in known or _everybody(session)]
+        session = NodeSession(stack, options, files, known)
+        nodes = [session.node(node_id) for node_id in known or _found_nodes(session)]
         found = nmt_commands.confirmations(nodes)
         if order is not NmtCommand.START and not force:
             _require_at_rest(nodes)
@@ -100,7 +100,7 @@ def _in_machine(nodes: list[MachineNode], order: NmtCommand, force: bool) -> lis
 def _one_in_machine(node: MachineNode, order: NmtCommand) -> dict[str, object]:
     before, begin, error = node.access.nmt, time.monotonic(), ""
     try:
-        node.access.command(order, _PATIENCE)
+        node.access.command(order, _COMMAND_TIMEOUT)
     except NodeTimeout as failure:
         error = f"{failure.message}; {failure.observed}"
     return {
@@ -113,7 +113,7 @@ def _one_in_machine(node: MachineNode, order: NmtCommand) -> dict[str, object]:
     }
 
 
-def _tell(outcomes: list[dict[str, object]], as_json: bool) -> int:
+def _report(outcomes: list[dict[str, object]], as_json: bool) -> int:
     if as_json:
         say_json(outcomes)
     for each in [] if as_json else outcomes:
@@ -122,7 +122,7 @@ def _tell(outcomes: list[dict[str, object]], as_json: bool) -> int:
     return OK if all(each["ok"] for each in outcomes) else FAILURE
 
 
-def _everybody(session: NodeSession) -> list[int]:
+def _found_nodes(session: NodeSession) -> list[int]:
     from axisbus.bus.node.discover import scan
 
     found = [each.node_id for each in scan(session.bus)]

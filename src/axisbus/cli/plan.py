@@ -45,13 +45,13 @@ def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, a
     loaded = reader.load(cell)
     files = load_dictionaries(loaded)
     rate = bitrate or _known_rate(loaded)
-    table, least = timetable(loaded, files, rate), shortest(loaded, files, rate)
+    table, shortest_period = timetable(loaded, files, rate), shortest(loaded, files, rate)
     shorter = changes(loaded, files, rate)
     if as_json:
-        say_json(_plain(table, least, shorter))
+        say_json(_plain(table, shortest_period, shorter))
     else:
         _show(loaded, table)
-        _show_periods(table, least, shorter)
+        _show_periods(table, shortest_period, shorter)
     if output is not None:
         write_file(output, lambda file: draw(table, loaded, file))
         say(f"written: {output}")
@@ -80,17 +80,17 @@ def _show(cell: CellConfig, table: Timetable) -> None:
 
 
 def _row(cell: CellConfig, slot: CycleSlot) -> str:
-    often = "" if slot.share == 1 else f"in {slot.share:.3g} of the cycles"
+    share_text = "" if slot.share == 1 else f"in {slot.share:.3g} of the cycles"
     if slot.share > 1:
-        often = f"{slot.share:.3g} times in a cycle"
-    what = ", ".join(filter(None, (", ".join(slot.carries), often)))
+        share_text = f"{slot.share:.3g} times in a cycle"
+    what = ", ".join(filter(None, (", ".join(slot.carries), share_text)))
     return (
         f"{slot.begin * _US:>8.0f} {slot.end * _US:>8.0f}  {slot.can_id:03X}h  "
         f"{named.of_node(cell, slot.node):<8} {slot.name:<10} {what}"
     ).rstrip()
 
 
-def _show_periods(table: Timetable, least: float | None, shorter: list[PeriodReduction]) -> None:
+def _show_periods(table: Timetable, shortest_period: float | None, shorter: list[PeriodReduction]) -> None:
     say(
         f"the frames of every cycle are complete after {table.every * _US:.0f} µs, "
         f"in the fullest cycle after {table.fullest * _US:.0f}"
@@ -105,14 +105,16 @@ def _show_periods(table: Timetable, least: float | None, shorter: list[PeriodRed
         say(f"IT DOES NOT FIT: {table.load:.0%} of the wire are needed, with no time left for SDO")
     say(
         "no period up to 1 s is possible"
-        if least is None
-        else f'the shortest scan_period that the wire allows: "{least * 1000:g}ms"'
+        if shortest_period is None
+        else f'the shortest scan_period that the wire allows: "{shortest_period * 1000:g}ms"'
     )
     for change in shorter:
         say(f'  "{change.period * 1000:g}ms" with {change.what}')
 
 
-def _plain(table: Timetable, least: float | None, shorter: list[PeriodReduction]) -> dict[str, object]:
+def _plain(
+    table: Timetable, shortest_period: float | None, shorter: list[PeriodReduction]
+) -> dict[str, object]:
     return {
         "bitrate": table.bitrate,
         "period": table.period,
@@ -123,7 +125,7 @@ def _plain(table: Timetable, least: float | None, shorter: list[PeriodReduction]
         "load": table.load,
         "left": table.left,
         "fits": table.fits,
-        "shortest": least,
+        "shortest": shortest_period,
         "changes": [change._asdict() for change in shorter],
     }
 
@@ -139,7 +141,7 @@ _COLOURS = {
     "request": "#8a6d1d",
     "heartbeat": "#3a7d44",
 }
-_WORDS = {
+_LABELS = {
     "SYNC": "SYNC",
     "TIME": "TIME",
     "TPDO": "TPDO (from the drive)",
@@ -147,9 +149,9 @@ _WORDS = {
     "request": "request for a TPDO",
     "heartbeat": "heartbeat",
 }
-_WIDTH, _ROW, _AROUND = 11.0, 0.34, 1.9  # inches
+_WIDTH, _ROW, _MARGIN = 11.0, 0.34, 1.9  # inches
 _MS = 1000.0
-_SELDOM = 0.45  # opacity of a frame that is not sent in every cycle
+_OCCASIONAL_OPACITY = 0.45  # opacity of a frame that is not sent in every cycle
 _NARROW = 0.035  # fraction of the width; a narrower bar has no room for its number
 
 
@@ -163,7 +165,7 @@ def draw(table: Timetable, cell: CellConfig, path: Path) -> None:
     ]
     nodes: list[int | None] = [None, *cell.nodes, cell.bus.master_id]
     at = {node_id: row for row, node_id in enumerate(nodes)}
-    figure, panel = pyplot.subplots(figsize=(_WIDTH, _AROUND + _ROW * len(rows)), layout="constrained")
+    figure, panel = pyplot.subplots(figsize=(_WIDTH, _MARGIN + _ROW * len(rows)), layout="constrained")
     end = max(table.period, table.fullest) * _MS
     panel.barh(0, table.waits * _MS, color="#bbbbbb", height=0.7, label="a frame that is already on the wire")
     for slot in table.slots:
@@ -188,10 +190,10 @@ def draw(table: Timetable, cell: CellConfig, path: Path) -> None:
 
 def _bar(panel: object, slot: CycleSlot, row: int, width: float) -> None:
     begin, length = slot.begin * _MS, (slot.end - slot.begin) * _MS
-    seldom = slot.share < 1
-    label = _WORDS[slot.kind] + (", not in every cycle" if seldom and slot.kind != "heartbeat" else "")
+    occasional = slot.share < 1
+    label = _LABELS[slot.kind] + (", not in every cycle" if occasional and slot.kind != "heartbeat" else "")
     panel.barh(  # type: ignore[attr-defined]
-        row, length, left=begin, height=0.7, color=_COLOURS[slot.kind], alpha=_SELDOM if seldom else 1.0,
+        row, length, left=begin, height=0.7, color=_COLOURS[slot.kind], alpha=_OCCASIONAL_OPACITY if occasional else 1.0,
         edgecolor="white", linewidth=0.8, label=label,
     )  # fmt: skip
     number = slot.name[-1] if slot.kind in ("TPDO", "RPDO") else ""

@@ -15,7 +15,7 @@ from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.machine.dry_run import DryRun
 from axisbus.machine.probing import ProbeHandle, ProbeResult
 
-_LOOK = 0.2  # seconds
+_POLL_PERIOD = 0.2  # seconds
 _ARMED = 30.0  # seconds: a refused or unanswered request ends earlier
 
 
@@ -61,17 +61,19 @@ def command(
         unit = machine[axis].unit
         probe = machine[axis].probe(*given, continuous=True, source=source).wait_armed(_ARMED)
         say(f"{axis}: touch probe {number} is armed")
-        count = _tell_edges(probe, axis, unit, seconds)
+        count = _print_edges(probe, axis, unit, seconds)
         probe.cancel().wait(_ARMED)
     return OK if count else WRONG
 
 
-def _tell_edges(probe: ProbeHandle, axis: str, unit: str, seconds: float | None) -> int:
+def _print_edges(probe: ProbeHandle, axis: str, unit: str, seconds: float | None) -> int:
     """Print each edge until the time is over; return the number of edges."""
     count, until = 0, None if seconds is None else time.monotonic() + seconds
     while until is None or time.monotonic() < until:
         try:
-            edge = probe.next(_LOOK if until is None else min(_LOOK, max(0.0, until - time.monotonic())))
+            edge = probe.next(
+                _POLL_PERIOD if until is None else min(_POLL_PERIOD, max(0.0, until - time.monotonic()))
+            )
         except TimeoutError:
             continue
         count += 1

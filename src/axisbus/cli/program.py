@@ -11,7 +11,7 @@ import click
 
 from axisbus.boot import program_facts
 from axisbus.cli.shared.attach_or_open import take_option
-from axisbus.cli.shared.attached_nodes import joined, open_nodes
+from axisbus.cli.shared.attached_nodes import attach_to_nodes, open_nodes
 from axisbus.cli.shared.common import OK, WRONG, progress_bar, say, say_error, say_json, say_next, say_note
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeOptions, NodeSession, node_options
@@ -56,7 +56,7 @@ _file_options = together(
 @click.argument("node", shell_complete=complete_node)
 @node_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def show_command(node: str, asked: NodeOptions, as_json: bool) -> int:
+def show_command(node: str, options: NodeOptions, as_json: bool) -> int:
     """Show what NODE (its ID, or an axis of --cell) reports about its program: versions, state, flash status.
 
     Reads only, also while the machine runs. Exit code 1 when the node reports no program, or its program does not run.
@@ -65,11 +65,11 @@ def show_command(node: str, asked: NodeOptions, as_json: bool) -> int:
     axisbus program show x --cell cell.toml
     axisbus program show 5 -i socketcan -c can0
     """
-    files = asked.files()
+    files = options.files()
     node_id = files.address(node).node_id
     with ExitStack() as stack:
         found = program_facts.read_programs(
-            node_id, open_nodes(stack, asked, files, [node_id]).node(node_id).sdo
+            node_id, open_nodes(stack, options, files, [node_id]).node(node_id).sdo
         )
     if as_json:
         say_json(_plain(found))
@@ -132,17 +132,17 @@ def _plain(found: NodePrograms) -> dict[str, Any]:
 @node_options
 @_file_options
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def verify_command(file: Path, node: str, asked: NodeOptions, form: _Form, as_json: bool) -> int:
+def verify_command(file: Path, node: str, options: NodeOptions, form: _Form, as_json: bool) -> int:
     """Compare the program of NODE with FILE: byte by byte if the node returns its program (1F50h), otherwise by its
     identification (1F56h), if that is a usual checksum of the bytes.
 
     Reads only, also while the machine runs. Exit code 1 when the program is another one, or when this cannot be decided.
     """
-    files = asked.files()
+    files = options.files()
     image = read_image(file, **form._asdict())
     node_id = files.address(node).node_id
     with ExitStack() as stack:
-        objects = open_nodes(stack, asked, files, [node_id]).node(node_id).sdo
+        objects = open_nodes(stack, options, files, [node_id]).node(node_id).sdo
         result = program_facts.verify_program(
             objects, program_facts.read_programs(node_id, objects), image.data
         )
@@ -155,12 +155,12 @@ def verify_command(file: Path, node: str, asked: NodeOptions, form: _Form, as_js
 
 
 def _show_verification(node_id: int, result: ProgramVerification) -> None:
-    verdict = {
+    result_text = {
         True: "has the program of the file",
         False: "does NOT have the program of the file",
         None: "cannot be verified",
     }
-    say(f"node {node_id} {verdict[result.same]}: {result.reason}")
+    say(f"node {node_id} {result_text[result.same]}: {result.reason}")
 
 
 # -- ``axisbus program write`` -------------------------------------------------------------------------------------------
@@ -187,7 +187,7 @@ def _show_verification(node_id: int, result: ProgramVerification) -> None:
 def write_command(
     file: Path,
     node: str,
-    asked: NodeOptions,
+    options: NodeOptions,
     form: _Form,
     identification: int | None,
     deadline: float | None,
@@ -209,23 +209,23 @@ def write_command(
     axisbus program write firmware.hex x --cell cell.toml --fill 0xFF
     axisbus program write firmware.bin 5 -i socketcan -c can0 --raw
     """
-    files = asked.files()
+    files = options.files()
     image = read_image(file, **form._asdict())
     node_id = files.address(node).node_id
     order = program_facts.ProgramOrder(image.data, identification, deadline)
     with ExitStack() as stack:
-        running = joined(stack, asked, command=True, take=take)
+        running = attach_to_nodes(stack, options, command=True, take=take)
         bar = stack.enter_context(progress_bar(f"node {node_id}: program", quiet=as_json))
         progress = _Announced(node_id, bar, quiet=as_json)
         if running is not None:
             written = _write_in_machine(running.node(node_id).access, order, progress)
         else:
-            device = NodeSession(stack, asked, files, [node_id]).node(node_id)
+            device = NodeSession(stack, options, files, [node_id]).node(node_id)
             guarded_write.require_no_other_master(device, heartbeats=False)
             written = _write(device, order, progress)
     _report(image, file, written, as_json)
     if not as_json and running is not None:
-        say_next(f"boot the node: axisbus boot {asked.cell} --node {node_id}")
+        say_next(f"boot the node: axisbus boot {options.cell} --node {node_id}")
     return OK
 
 
@@ -235,12 +235,12 @@ class _Announced:
     def __init__(self, node_id: int, bar: Progress | None, *, quiet: bool) -> None:
         self._node_id = node_id
         self._bar = bar
-        self.begun = quiet
+        self.started = quiet
 
     def __call__(self, done: int, total: int | None) -> None:
         """Show the confirmed bytes."""
-        if not self.begun:
-            self.begun = True
+        if not self.started:
+            self.started = True
             say_note(f"node {self._node_id}: its program is being replaced; do not switch it off")
         if self._bar is not None:
             self._bar(done, total)
@@ -283,7 +283,7 @@ def _report(image: ProgramImage, file: Path, written: ProgramWritten, as_json: b
     say(f"{file}: {image}")
     retries = f", {counted(written.retries, 'request')} repeated" if written.retries else ""
     say(f"node {after.node_id}: program replaced, {counted(written.size, 'byte')}{retries}")
-    olds = dict(_facts(before))
+    old_facts = dict(_facts(before))
     for title, text in _facts(after):
-        old = olds.get(title, "not reported")
+        old = old_facts.get(title, "not reported")
         say(f"  {title:<30}{text if text == old else f'{old} -> {text}'}")

@@ -102,23 +102,23 @@ def command(
     record = _Record(cell, node_id)
     stored = None if no_restore else _values(_configuration(config, node_id, record.plate, file))
     with ExitStack() as stack:
-        place = _place(stack, cell, config, files, node_id, take)
-        made = plan(_known(config, files, record, stored, running=place.running), place.find())
+        access = _access_to(stack, cell, config, files, node_id, take)
+        planned = plan(_known(config, files, record, stored, running=access.running), access.find())
         if stored is not None:
-            _require_file_of(made.drive, stored, node_id)
+            _require_file_of(planned.drive, stored, node_id)
         if not as_json:
-            _show(made, config)
+            _show(planned, config)
         if only_plan:
             if as_json:
-                say_json(_plain(made, None))
+                say_json(_plain(planned, None))
             return OK
         if not yes:
-            _confirm(made)
-        outcome = _carry_out(made, record, place, config, quiet=as_json)
+            _confirm(planned)
+        outcome = _execute(planned, record, access, config, quiet=as_json)
     if as_json:
-        say_json(_plain(made, outcome))
+        say_json(_plain(planned, outcome))
     else:
-        _show_outcome(made, outcome, config)
+        _show_outcome(planned, outcome, config)
     return OK
 
 
@@ -184,23 +184,23 @@ def _configuration(config: CellConfig, node_id: int, was: Nameplate | None, give
     found = _backups(config.folder, node_id, was)
     if len(found) == 1:
         return str(found[0].absolute())
-    beside = (
+    other_files = (
         f"beside it are {', '.join(each.name for each in found)}" if found else "there is no backup beside it"
     )
     raise UserError(
         f"there is no stored configuration of node {node_id}"
         if not found
         else "it is not known which backup is to be restored",
-        observed=f"[nodes.{node_id}] of {config.file} names no dcf, and {beside}",
+        observed=f"[nodes.{node_id}] of {config.file} names no dcf, and {other_files}",
         remedy="give the backup of the old drive (axisbus config backup) with --file; --no-restore leaves the new drive as it is",
     )
 
 
 def _backups(folder: Path, node_id: int, was: Nameplate | None) -> list[Path]:
     """Return the backups of a node by their usual names: that of the drive of the record, else those of other drives."""
-    own = folder / file_name(node_id, was.serial if was else None)
-    if own.is_file():
-        return [own]
+    usual_file = folder / file_name(node_id, was.serial if was else None)
+    if usual_file.is_file():
+        return [usual_file]
     return sorted([*folder.glob(f"node-{node_id}.dcf"), *folder.glob(f"node-{node_id}-serial-*.dcf")])
 
 
@@ -213,8 +213,8 @@ def _values(file: str) -> Eds:
 
 def _require_file_of(drive: FoundDrive, stored: Eds, node_id: int) -> None:
     """Check before anything is changed that the file is for this type of drive."""
-    who = NodeIdentity(vendor_id=drive.vendor, product_code=drive.product)
-    require_same_device(stored, who, node_id, replacement=True)
+    identity = NodeIdentity(vendor_id=drive.vendor, product_code=drive.product)
+    require_same_device(stored, identity, node_id, replacement=True)
 
 
 def _known(
@@ -240,7 +240,7 @@ def _known(
 
 
 @dataclass(frozen=True, slots=True)
-class _Place:
+class _DriveAccess:
     """A running machine, or a bus without one: how to find the new drive, to configure it, and to read it."""
 
     running: bool
@@ -249,13 +249,13 @@ class _Place:
     read: Callable[[], ByObjects]
 
 
-def _place(
+def _access_to(
     stack: ExitStack, cell: Path, config: CellConfig, files: NodeFiles, node_id: int, take: bool
-) -> _Place:
+) -> _DriveAccess:
     machine = join(cell, command=True, take=take)
     if machine is not None:
         node = stack.enter_context(machine).node(node_id)
-        return _Place(
+        return _DriveAccess(
             True,
             node.find_replacement,
             node.replace_drive,
@@ -265,7 +265,7 @@ def _place(
 
     device = NodeSession(stack, NodeOptions(None, None, None, (), cell, ()), files, [node_id]).node(node_id)
     others, makes = (*config.nodes, config.bus.master_id), config.nodes[node_id].makes
-    return _Place(
+    return _DriveAccess(
         False,
         lambda: find_drives(device, others),
         lambda order, on_step: DriveReplacement(device, order, makes, on_step=on_step).run(),
@@ -273,26 +273,26 @@ def _place(
     )
 
 
-def _carry_out(
-    made: ReplacementPlan, record: _Record, place: _Place, config: CellConfig, *, quiet: bool
+def _execute(
+    planned: ReplacementPlan, record: _Record, access: _DriveAccess, config: CellConfig, *, quiet: bool
 ) -> ReplacementOutcome:
     """Do all steps; the note is there until all are done. If nothing was changed, the note is as it was before."""
-    begun = set[ReplacementStep]()
+    begun_steps = set[ReplacementStep]()
 
     def on_step(step: ReplacementStep) -> None:
-        begun.add(step)
+        begun_steps.add(step)
         if not quiet:
             say_note(f"node {record.node_id}: {step.value}")
 
-    record.begin(made.note)
+    record.begin(planned.note)
     try:
-        outcome = place.replace(made.order, on_step)
-        if ReplacementStep.RECORD in made.steps:
+        outcome = access.replace(planned.order, on_step)
+        if ReplacementStep.RECORD in planned.steps:
             on_step(ReplacementStep.RECORD)
-            record.renew(nameplate.read_nameplate(place.read(), config))
+            record.renew(nameplate.read_nameplate(access.read(), config))
     except (AxisbusError, KeyboardInterrupt) as error:
         # the step CONFIGURE writes nothing if it is refused (``DriveReplacement.run``)
-        if isinstance(error, UserError) and begun <= {ReplacementStep.CONFIGURE}:
+        if isinstance(error, UserError) and begun_steps <= {ReplacementStep.CONFIGURE}:
             record.undo()
         else:
             say_note(
@@ -306,41 +306,41 @@ def _carry_out(
 # -- output ----------------------------------------------------------------------------------------------------------------
 
 
-def _show(made: ReplacementPlan, config: CellConfig) -> None:
-    node, drive = made.node, made.drive
+def _show(planned: ReplacementPlan, config: CellConfig) -> None:
+    node, drive = planned.node, planned.drive
     say(f"node {node.node_id}: the new drive was found {drive.where}")
     if node.unfinished is not None and node.unfinished.serial == drive.serial:
         say("  its replacement has begun before, and is unfinished")
-    rows = [("", "was", "is"), _makes(made, config), *made.rows()]
+    rows = [("", "was", "is"), _plugin_names(planned, config), *planned.rows()]
     width = max(len(was) for _, was, _ in rows)
     for title, was, now in rows:
         say(f"  {title:<28}{was or 'unknown':<{width}}  {now or 'unknown'}")
     if node.configuration is not None:
         say(f"  configuration: {node.configuration}")
     say("steps:")
-    for number, step in enumerate(made.steps, 1):
+    for number, step in enumerate(planned.steps, 1):
         say(f"  {number}. {step.value}")
     if node.was is None:
         say_note(f"no nameplate of node {node.node_id} is stored, so nothing is known about the old drive")
 
 
-def _makes(made: ReplacementPlan, config: CellConfig) -> tuple[str, str, str]:
-    drive, was = made.drive, made.node.was
+def _plugin_names(planned: ReplacementPlan, config: CellConfig) -> tuple[str, str, str]:
+    drive, was = planned.drive, planned.node.was
     now = registry.find(
-        drive.vendor, drive.product, drive.revision, config.nodes[made.node.node_id].makes
+        drive.vendor, drive.product, drive.revision, config.nodes[planned.node.node_id].makes
     ).name
     return nameplate.TITLES["make"], "" if was is None else was.make, now
 
 
-def _confirm(made: ReplacementPlan) -> None:
+def _confirm(planned: ReplacementPlan) -> None:
     if not sys.stdin.isatty():
         raise click.UsageError("no terminal to answer the question: give --yes to replace the drive")
-    click.confirm(f"Make it the drive of node {made.node.node_id}?", abort=True)
+    click.confirm(f"Make it the drive of node {planned.node.node_id}?", abort=True)
 
 
-def _show_outcome(made: ReplacementPlan, outcome: ReplacementOutcome, config: CellConfig) -> None:
-    node_id, cell = made.node.node_id, made.node.cell
-    if made.node.configuration is not None:
+def _show_outcome(planned: ReplacementPlan, outcome: ReplacementOutcome, config: CellConfig) -> None:
+    node_id, cell = planned.node.node_id, planned.node.cell
+    if planned.node.configuration is not None:
         say(
             f"node {node_id}: {counted(outcome.values, 'value')} of the file compared, {counted(outcome.written, 'write')}"
             + (", stored" if not outcome.not_stored else f"; NOT stored: {outcome.not_stored}")
@@ -349,22 +349,22 @@ def _show_outcome(made: ReplacementPlan, outcome: ReplacementOutcome, config: Ce
             say(
                 f"{counted(outcome.calibration, 'object')} that calibrate the drive were left as they are: calibrate it"
             )
-    say(f"node {node_id} has been replaced: serial number {made.drive.serial}")
+    say(f"node {node_id} has been replaced: serial number {planned.drive.serial}")
     axes = " ".join(axis.name for axis in config.axes_of(node_id))
-    if made.node.running:
+    if planned.node.running:
         say_next(f"axisbus reset {cell} {axes}".rstrip())
     else:
         say_next(f"axisbus boot {cell}")
-    if ReplacementStep.RECORD not in made.steps:
+    if ReplacementStep.RECORD not in planned.steps:
         say_next(f"axisbus nameplate {cell} --save")
 
 
-def _plain(made: ReplacementPlan, outcome: ReplacementOutcome | None) -> dict[str, object]:
+def _plain(planned: ReplacementPlan, outcome: ReplacementOutcome | None) -> dict[str, object]:
     return {
-        "node": made.node.node_id,
-        "was": None if made.node.was is None else asdict(made.node.was),
-        "drive": asdict(made.drive),
-        "configuration": made.node.configuration,
-        "steps": [step.name.lower() for step in made.steps],
+        "node": planned.node.node_id,
+        "was": None if planned.node.was is None else asdict(planned.node.was),
+        "drive": asdict(planned.drive),
+        "configuration": planned.node.configuration,
+        "steps": [step.name.lower() for step in planned.steps],
         "outcome": None if outcome is None else asdict(outcome),
     }

@@ -76,11 +76,11 @@ def command(
         *_of_cell(cell, without_eds),
         *(_read(path, f"files/{path.name}") for path in files),
     ]
-    items = [_replaced(item) for item in _apart(items)]
+    items = [_replaced(item) for item in _with_unique_names(items)]
     width = max(len(item.name) for item in items)
     for item in items:
-        told = "not a text: unchanged" if item.replaced is None else f"{item.replaced} replaced"
-        say(f"{item.name:<{width}}  {counted(len(item.data), 'byte'):>14}  {told}")
+        result = "not a text: unchanged" if item.replaced is None else f"{item.replaced} replaced"
+        say(f"{item.name:<{width}}  {counted(len(item.data), 'byte'):>14}  {result}")
     if not yes and not click.confirm(f"write {output}?", err=True):
         say("nothing was written")
         return OK
@@ -119,9 +119,9 @@ def _of_cell(path: Path, without_eds: bool) -> Iterable[ReportItem]:
     for file in sorted(named):
         if without_eds or file.startswith(builtin.PREFIX):
             continue
-        place = builtin.resolve(file, cell.folder)
-        if place.is_file():  # else the findings report it
-            yield _read(place, f"eds/{place.name}")
+        eds_path = builtin.resolve(file, cell.folder)
+        if eds_path.is_file():  # else the findings report it
+            yield _read(eds_path, f"eds/{eds_path.name}")
     yield from (_read(file, f"drives/{file.name}") for file in cell.drive_files)
     try:
         log, faults = journal.path_of(path_of(cell)), journal.faults_of(path_of(cell))
@@ -149,16 +149,16 @@ def _read(path: Path, name: str) -> ReportItem:
         ) from error
 
 
-def _apart(items: Iterable[ReportItem]) -> list[ReportItem]:
+def _with_unique_names(items: Iterable[ReportItem]) -> list[ReportItem]:
     """Give files of the same name different names."""
-    seen: dict[str, int] = {}
-    apart = []
+    counts: dict[str, int] = {}
+    renamed = []
     for item in items:
-        number = seen[item.name] = seen.get(item.name, 0) + 1
-        place = Path(item.name)
-        name = item.name if number == 1 else str(place.with_stem(f"{place.stem}-{number}").as_posix())
-        apart.append(item._replace(name=name))
-    return apart
+        number = counts[item.name] = counts.get(item.name, 0) + 1
+        eds_path = Path(item.name)
+        name = item.name if number == 1 else str(eds_path.with_stem(f"{eds_path.stem}-{number}").as_posix())
+        renamed.append(item._replace(name=name))
+    return renamed
 
 
 def _replaced(item: ReportItem) -> ReportItem:

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from axisbus.cli.monitor.axes import every_option, look_on, pace
+from axisbus.cli.monitor.axes import every_option, pace, watch
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.machine.machine import Machine
@@ -29,5 +29,5 @@ def command(cell: Path, every: float | None, seconds: float | None, beside: bool
         say(f"the machine runs ({machine.real_time_status}); in another terminal:")
         for text in (f"axisbus monitor {cell}", f"axisbus move {cell} {next(iter(machine)).name}=..."):
             say(f"  {text}")
-        look_on(machine, step, None if seconds is None else max(1, round(seconds / step)), as_json=False)
+        watch(machine, step, None if seconds is None else max(1, round(seconds / step)), as_json=False)
     return OK

@@ -24,7 +24,7 @@ _NUMBERS = ("vendor", "product", "revision", "serial")
 _FACTS = ("make", *_NUMBERS)
 
 
-def _about() -> str:
+def _factory_rates_text() -> str:
     """Return the text about the makes with another protocol, for the help."""
     makes = ForeignProtocols().factory_rates.values()
     return " ".join(
@@ -34,7 +34,7 @@ def _about() -> str:
 
 
 @click.command("scan")
-@adding((), _about())
+@adding((), _factory_rates_text())
 @click.argument("cell", type=PATH, required=False)
 @bus_options
 @packed(GivenBus, "given")
@@ -49,14 +49,14 @@ def command(given: GivenBus, as_json: bool) -> int:
     """
     others = ForeignProtocols()
     found, failed = _scan(given, others)
-    speakers, elsewhere = others.speakers, None
+    speakers, other_rate = others.speakers, None
     opening = opening_of(*given)
     if not others.frames:
-        elsewhere = no_traffic_help.listen(opening, quiet=as_json)
-    if failed is not None and elsewhere is None and not speakers:
+        other_rate = no_traffic_help.listen(opening, quiet=as_json)
+    if failed is not None and other_rate is None and not speakers:
         raise failed
     if as_json:
-        say_json([*map(_plain, found), *(each.plain for each in speakers), *_elsewhere(elsewhere)])
+        say_json([*map(_plain, found), *(each.plain for each in speakers), *_plain_traffic(other_rate)])
         return OK if found else WRONG
     _show(found)
     for line in others.lines():
@@ -65,7 +65,7 @@ def command(given: GivenBus, as_json: bool) -> int:
         _next(given)
     if not found and not speakers:
         say("no node answered: check supply, cable and termination; then the bit rate")
-        no_traffic_help.show(elsewhere, opening)
+        no_traffic_help.show(other_rate, opening)
     return OK if found else WRONG
 
 
@@ -87,13 +87,13 @@ def _plain(node: DiscoveredNode) -> dict[str, Any]:
     return {"protocol": "CANopen", **asdict(node), "nmt": nmt, "make": _make(node) or None}
 
 
-def _elsewhere(heard: BitRateTraffic | None) -> list[dict[str, Any]]:
+def _plain_traffic(traffic: BitRateTraffic | None) -> list[dict[str, Any]]:
     """Return the traffic received at another bit rate, as plain values."""
-    if heard is None:
+    if traffic is None:
         return []
-    rate = {"bitrate": heard.bitrate}
-    nodes = [{"protocol": "CANopen", "node_id": node, **rate} for node in heard.nodes]
-    return [*nodes, *({**each.plain, **rate} for each in heard.others.speakers)]
+    rate = {"bitrate": traffic.bitrate}
+    nodes = [{"protocol": "CANopen", "node_id": node, **rate} for node in traffic.nodes]
+    return [*nodes, *({**each.plain, **rate} for each in traffic.others.speakers)]
 
 
 def _show(found: list[DiscoveredNode]) -> None:
@@ -123,8 +123,8 @@ def _row(node: DiscoveredNode) -> tuple[str, ...]:
     """Return a node's columns; values that it does not report are empty."""
     state = node.nmt.text if node.nmt is not None else "no heartbeat"
     facts = _facts(node)
-    who = (str(node.node_id), node.kind or "does not answer SDO", node.identity.device_name or "", state)
-    return (*who, *(facts.get(title, "") for title in _FACTS))
+    identity = (str(node.node_id), node.kind or "does not answer SDO", node.identity.device_name or "", state)
+    return (*identity, *(facts.get(title, "") for title in _FACTS))
 
 
 def _make(node: DiscoveredNode) -> str:
@@ -132,15 +132,15 @@ def _make(node: DiscoveredNode) -> str:
     from axisbus.drives import registry
     from axisbus.drives.plugin import GENERIC
 
-    who = node.identity
-    make = registry.of_identity(who)
+    identity = node.identity
+    make = registry.of_identity(identity)
     return "" if make is GENERIC else make.name
 
 
 def _facts(node: DiscoveredNode) -> dict[str, str]:
     """Return the make, and the entries of 1018h that the node has reported, by name."""
-    who = node.identity
-    values = (who.vendor_id, who.product_code, who.revision, who.serial)
+    identity = node.identity
+    values = (identity.vendor_id, identity.product_code, identity.revision, identity.serial)
     numbers = {
         title: f"0x{value:X}" for title, value in zip(_NUMBERS, values, strict=True) if value is not None
     }

@@ -41,7 +41,7 @@ def _about(options: Sequence[SimOption]) -> str:
     return " ".join(filter(None, texts)) if options else ""
 
 
-class _Wish(NamedTuple):
+class _SimSettings(NamedTuple):
     """The user's options apart from cell, plug-ins and --force."""
 
     port: int
@@ -64,12 +64,12 @@ class _Wish(NamedTuple):
     help="Create a socket at this path, through which tests control the drives (axisbus.SimulationControl).",
 )
 @click.option("--for", "seconds", type=Seconds(), help="Duration in seconds; without it, until Ctrl-C.")
-@packed(_Wish, "wish")
+@packed(_SimSettings, "settings")
 def command(
     cell: Path | None,
-    wish: _Wish,
+    settings: _SimSettings,
     force: bool,
-    **others: tuple[Any, ...],
+    **plugin_values: tuple[Any, ...],
 ) -> int:
     """Simulate the drives of CELL for other terminals and programs, on a port of this computer that other computers cannot
     reach.
@@ -81,38 +81,46 @@ def command(
     disappear.
     """
     config = None if cell is None else checked(cell)
-    wanted = {option: others[option.parameter] for option in _OPTIONS if others[option.parameter]}
-    _require_enough(config, wanted, wish)
-    foreign_nodes = {option: option.foreign_nodes(values) for option, values in wanted.items()}
+    given = {
+        option: plugin_values[option.parameter] for option in _OPTIONS if plugin_values[option.parameter]
+    }
+    _require_nodes(config, given, settings)
+    foreign_nodes = {option: option.foreign_nodes(values) for option, values in given.items()}
     if config is not None:
-        _require_beside(config, wish.output)
-        _require_others(config, foreign_nodes)
-    require_free(wish.output, force=force)
+        _require_same_folder(config, settings.output)
+        _require_free_node_ids(config, foreign_nodes)
+    require_free(settings.output, force=force)
     with ExitStack() as stack:
-        for option, values in wanted.items():
+        for option, values in given.items():
             stack.enter_context(option.serve(values))
         if config is None and not any(foreign_nodes.values()):
-            _wait(wish.seconds)
+            _wait(settings.seconds)
             return OK
-        told = [option.text(values) for option, values in wanted.items() if foreign_nodes[option]]
+        texts = [option.text(values) for option, values in given.items() if foreign_nodes[option]]
         return _serve(
-            config, [foreign_node for some in foreign_nodes.values() for foreign_node in some], told, wish
+            config,
+            [foreign_node for modules in foreign_nodes.values() for foreign_node in modules],
+            texts,
+            settings,
         )
 
 
 def _serve(
-    config: CellConfig | None, foreign_nodes: Sequence[ForeignNode], told: Sequence[str], wish: _Wish
+    config: CellConfig | None,
+    foreign_nodes: Sequence[ForeignNode],
+    texts: Sequence[str],
+    settings: _SimSettings,
 ) -> int:
-    output = wish.output
-    planned = () if wish.faults is None or config is None else load_faults(wish.faults, config)
+    output = settings.output
+    planned = () if settings.faults is None or config is None else load_faults(settings.faults, config)
     served = ServedDrives(config, planned, foreign_nodes)
-    with served.serve(wish.port, wish.control) as server:
-        _tell(config, told, server, wish.control)
+    with served.serve(settings.port, settings.control) as server:
+        _print_help(config, texts, server, settings.control)
         if output is not None and config is not None:
             write_whole(output, with_bus(config.source, _bus(server)).encode())
             say(f"or take {output}, which is {config.file} with this bus: axisbus boot {output}")
         with suppress(KeyboardInterrupt):  # the usual end
-            for line in served.play(wish.seconds):
+            for line in served.play(settings.seconds):
                 say(line)
     return OK
 
@@ -125,30 +133,36 @@ def _wait(seconds: float | None) -> None:
             time.sleep(_LONG)
 
 
-def _require_enough(config: CellConfig | None, wanted: Mapping[SimOption, Any], wish: _Wish) -> None:
+def _require_nodes(config: CellConfig | None, given: Mapping[SimOption, Any], settings: _SimSettings) -> None:
     """Check that there are simulated nodes if there is no cell file, and no options that need one."""
     if config is not None:
         return
-    if not wanted:
+    if not given:
         raise click.UsageError(f"give a cell file, or modules with {_names(_OPTIONS)}")
-    for option, value in (("-o", wish.output), ("--faults", wish.faults), ("--control", wish.control)):
+    for option, value in (
+        ("-o", settings.output),
+        ("--faults", settings.faults),
+        ("--control", settings.control),
+    ):
         if value is not None:
             raise click.UsageError(f"{option} needs a cell file: also give the cell file")
 
 
-def _require_others(config: CellConfig, foreign_nodes: Mapping[SimOption, Sequence[ForeignNode]]) -> None:
+def _require_free_node_ids(
+    config: CellConfig, foreign_nodes: Mapping[SimOption, Sequence[ForeignNode]]
+) -> None:
     """Refuse a second module with the node ID of a module of the cell, which is served anyway: both would answer."""
-    there = other_nodes(config)
-    for option, some in foreign_nodes.items():
-        for node_id in (foreign_node.node_id for foreign_node in some):
-            if node_id in there:
+    cell_nodes = other_nodes(config)
+    for option, modules in foreign_nodes.items():
+        for node_id in (foreign_node.node_id for foreign_node in modules):
+            if node_id in cell_nodes:
                 raise UserError(
                     f"node {node_id} is a module of {config.file}, and is served with it",
                     remedy=f"leave {option.name} {node_id} out",
                 )
 
 
-def _require_beside(config: CellConfig, output: Path | None) -> None:
+def _require_same_folder(config: CellConfig, output: Path | None) -> None:
     """Refuse to write the cell file to another folder: it would not find the files that it names."""
     files = [node.file for node in config.nodes.values() if node.file and not node.file.startswith(PREFIX)]
     relative = [file for file in files if not Path(file).expanduser().is_absolute()]
@@ -159,8 +173,10 @@ def _require_beside(config: CellConfig, output: Path | None) -> None:
         )
 
 
-def _tell(config: CellConfig | None, told: Sequence[str], server: Server, control: Path | None) -> None:
-    for text in told:
+def _print_help(
+    config: CellConfig | None, texts: Sequence[str], server: Server, control: Path | None
+) -> None:
+    for text in texts:
         say(f"{text}; on port {server.port}")
     options = f"-i socketcand -c {server.channel} -O host={LOOPBACK} -O port={server.port}"
     if config is None:
@@ -201,20 +217,20 @@ def with_bus(source: str, lines: list[str]) -> str:
     Raises:
         UserError: the file has no line ``[bus]``.
     """
-    kept: list[str] = []
+    written: list[str] = []
     table, found = "", False
     for line in source.splitlines():
         header = _HEADER.match(line)
         if header is not None:
             table = header[1].replace(" ", "")
         if table == "bus" and header is not None:
-            kept += [line, *lines]
+            written += [line, *lines]
             found = True
         elif table != "bus.options" and not (table == "bus" and _REPLACED.match(line)):
-            kept.append(line)
+            written.append(line)
     if not found:
         raise UserError(
             "the cell file has no line [bus], so its bus cannot be replaced",
             remedy="write it as a table: [bus]",
         )
-    return "\n".join(kept) + "\n"
+    return "\n".join(written) + "\n"

@@ -41,12 +41,12 @@ def halt_command(cell: Path, axes: tuple[str, ...]) -> int:
     if not halted:
         raise no_machine(cell, "halt", "needs one", f"stop the drives themselves: axisbus stop {cell}")
     failed = any(not each.ok for each in halted)
-    if failed or not _tell_pairs(config, names):
+    if failed or not _report_pairs(config, names):
         say_stopped(halted)
     return FAILURE if failed else OK
 
 
-def _tell_pairs(config: CellConfig, names: list[str]) -> bool:
+def _report_pairs(config: CellConfig, names: list[str]) -> bool:
     """Print the positions of axes and pairs, if there is a pair; return False if not, or if the machine cannot be joined."""
     pairs = as_pairs(config, names)
     if pairs == names:
@@ -81,12 +81,12 @@ def stop_command(cell: Path, as_json: bool) -> int:
     except (AxisbusError, ExceptionGroup):  # the running machine may have another cell file, and can stop
         say_stopped(stop_in_machine(str(cell), (), say_error, quick=True))
         raise
-    results, beside = stop_cell(config, say_error)
+    results, others_on_bus = stop_cell(config, say_error)
     failed = [result for result in results if not result.ok]
     if as_json:
         say_json([asdict(result) for result in results])
         return FAILURE if failed else OK
     say_stopped(results)
-    if not failed and beside:
+    if not failed and others_on_bus:
         say_next(f"bring the nodes up again: axisbus boot {cell}")
     return FAILURE if failed else OK

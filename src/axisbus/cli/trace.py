@@ -47,7 +47,7 @@ class TraceCounts(NamedTuple):
     frames: int = 0
     shown: int = 0
     trouble: int = 0
-    against: str = ""
+    violations: str = ""
     foreign: tuple[str, ...] = ()
 
 
@@ -68,7 +68,7 @@ class TraceCounts(NamedTuple):
 @click.option("--seconds", type=Seconds(), help="Listen for this time; without it, until Ctrl-C.")
 @click.option("--count", type=click.IntRange(min=1), help="End when this many frames have been shown.")
 def command(
-    asked: FrameSourceOptions,
+    options: FrameSourceOptions,
     filters: tuple[str, ...],
     without: tuple[str, ...],
     errors_only: bool,
@@ -93,54 +93,58 @@ def command(
     """
     from axisbus.trace import filters as wanted
 
-    axes = asked.axes if filters or without else ()
+    axes = options.axes if filters or without else ()
     unwanted = wanted.parse(without, axes) if without else None
-    look = TraceFilter(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
+    frame_filter = TraceFilter(wanted.parse(filters, axes), unwanted, errors_only, as_json, absolute)
     others = {
         option.protocol: option.nodes(named[option.parameter])
         for option in _OPTIONS
         if named[option.parameter]
     }
     with ExitStack() as stack:
-        opened = open_frames(stack, asked, seconds)
-        seen = _show(opened, look, count, others)
-    _tell(opened, seen)
-    if not seen.frames and asked.interface is not None:
-        _listen_elsewhere(opening_of(None, asked.interface, asked.channel, asked.bitrate, asked.option))
-    return WRONG if errors_only and seen.trouble else OK
+        opened = open_frames(stack, options, seconds)
+        counts = _show(opened, frame_filter, count, others)
+    _report(opened, counts)
+    if not counts.frames and options.interface is not None:
+        _report_other_rate(
+            opening_of(None, options.interface, options.channel, options.bitrate, options.option)
+        )
+    return WRONG if errors_only and counts.trouble else OK
 
 
 def _show(
-    opened: FrameSource, look: TraceFilter, most: int | None, others: Mapping[str, Collection[int]]
+    opened: FrameSource, frame_filter: TraceFilter, limit: int | None, others: Mapping[str, Collection[int]]
 ) -> TraceCounts:
     from axisbus.trace.decoded import TraceErrorCounters
     from axisbus.trace.decoder import Decoder
 
     decoders: dict[str, Decoder] = {}  # by channel: requests and answers belong to one bus
-    seen, tally, start = TraceCounts(), TraceErrorCounters(), None
+    counts, error_counters, start = TraceCounts(), TraceErrorCounters(), None
     with suppress(KeyboardInterrupt):  # the normal end of listening
         for frame in opened.frames:
-            start = frame.time if start is None and not look.absolute else start
+            start = frame.time if start is None and not frame_filter.absolute else start
             if frame.channel not in decoders:
                 decoders[frame.channel] = Decoder(opened.known, others)
             one = decoders[frame.channel].feed(frame)
-            tally.note(one)
-            shown = look.shows(one)
-            seen = TraceCounts(seen.frames + 1, seen.shown + shown, seen.trouble + (shown and one.trouble))
+            error_counters.note(one)
+            shown = frame_filter.shows(one)
+            counts = TraceCounts(
+                counts.frames + 1, counts.shown + shown, counts.trouble + (shown and one.trouble)
+            )
             if shown:
-                _print(one, look, start or 0.0, frame.channel if len(decoders) > 1 else "")
-            if most is not None and seen.shown >= most:
+                _print(one, frame_filter, start or 0.0, frame.channel if len(decoders) > 1 else "")
+            if limit is not None and counts.shown >= limit:
                 break
     foreign = (line for decoder in decoders.values() for line in decoder.foreign.lines())
-    return seen._replace(against=tally.words(), foreign=tuple(foreign))
+    return counts._replace(violations=error_counters.words(), foreign=tuple(foreign))
 
 
-def _print(one: Decoded, look: TraceFilter, start: float, channel: str) -> None:
+def _print(one: Decoded, frame_filter: TraceFilter, start: float, channel: str) -> None:
     """Print a frame; ``channel``: empty while the recording has only one."""
     from axisbus.trace import frame_formats as json_form
     from axisbus.trace import frame_formats as text
 
-    if look.as_json:
+    if frame_filter.as_json:
         values = {**json_form.plain(one), **({"channel": channel} if channel else {})}
         echo(json.dumps(values, ensure_ascii=False, allow_nan=False))
     else:
@@ -148,18 +152,18 @@ def _print(one: Decoded, look: TraceFilter, start: float, channel: str) -> None:
         click.secho(printable(line), fg="red" if one.trouble else None)
 
 
-def _listen_elsewhere(opening: Opening) -> None:
+def _report_other_rate(opening: Opening) -> None:
     """Report on standard error the bit rate at which traffic is received, or how to find it."""
-    heard = no_traffic_help.listen(opening)
-    for line in no_traffic_help.lines(heard) if heard is not None else no_traffic_help.advice(opening):
+    traffic = no_traffic_help.listen(opening)
+    for line in no_traffic_help.lines(traffic) if traffic is not None else no_traffic_help.advice(opening):
         echo(line, err=True)
 
 
-def _tell(opened: FrameSource, seen: TraceCounts) -> None:
+def _report(opened: FrameSource, counts: TraceCounts) -> None:
     """Print a summary on standard error, so that standard output has only frames."""
-    text = f"{counted(seen.frames, 'frame')}, {seen.shown} shown, {seen.trouble} of them with errors"
-    if seen.against:
-        text += f"; {seen.against}"
+    text = f"{counted(counts.frames, 'frame')}, {counts.shown} shown, {counts.trouble} of them with errors"
+    if counts.violations:
+        text += f"; {counts.violations}"
     if opened.skipped.count:
         text += (
             f"; {counted(opened.skipped.count, 'line is not a frame', 'lines are not frames')}, the first is "
@@ -168,5 +172,5 @@ def _tell(opened: FrameSource, seen: TraceCounts) -> None:
     echo(text, err=True)
     for line in opened.skipped.words():
         echo(line, err=True)
-    for line in seen.foreign:
+    for line in counts.foreign:
         echo(line, err=True)

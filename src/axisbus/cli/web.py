@@ -12,7 +12,7 @@ import click
 from axisbus.check.run import checked
 from axisbus.cli.shared.attach_or_open import machine_of, take_option
 from axisbus.cli.shared.common import OK, say
-from axisbus.cli.shared.machine_status import BesideAxes
+from axisbus.cli.shared.machine_status import MachineStatus
 from axisbus.cli.shared.options import PATH, beside_option, port_option
 from axisbus.machine.machine import Machine
 from axisbus.machine.web_process import require_nicegui
@@ -23,8 +23,8 @@ from axisbus.web.access.tokens import Role
 if TYPE_CHECKING:
     from axisbus.web.server import PageServer
 
-_LOOK = 0.2  # seconds between two checks of the server and the terminal
-_LAST_WORDS = 5.0  # seconds for which pages can still show how the machine ended
+_POLL_PERIOD = 0.2  # seconds between two checks of the server and the terminal
+_FINAL_TIME = 5.0  # seconds for which pages can still show how the machine ended
 _PORT = 8402
 
 
@@ -73,7 +73,7 @@ def command(
             f"{listen} can be reached by others: give --certificate and --key, or --insecure if the network is trusted"
         )
     checked(cell)
-    listening, place = served.opened(listen, port, tls=tls is not None)
+    listening, address = served.opened(listen, port, tls=tls is not None)
     with ExitStack() as stack:
         stack.callback(listening.close)
         # takes a second: import it only when it is needed
@@ -82,10 +82,12 @@ def command(
         machine = machine_of(cell, command=not look, take=take, beside=beside)
         with machine:
             stack.enter_context(logging_aside())
-            server = PageServer(machine, place, listening, tls, BesideAxes(machine).lines, observes_only=look)
+            server = PageServer(
+                machine, address, listening, tls, MachineStatus(machine).lines, observes_only=look
+            )
             stack.callback(server.end)  # after the machine has been left, so that nothing waits for a browser
             server.begin()
-            _keep(server, machine, Role.LOOKER if look else Role.OPERATOR)
+            _serve(server, machine, Role.OBSERVER if look else Role.OPERATOR)
     return OK
 
 
@@ -106,7 +108,7 @@ def certificate_files(certificate: Path | None, key: Path | None) -> tuple[Path,
     return certificate, key
 
 
-def _keep(server: PageServer, machine: Machine, role: Role) -> None:
+def _serve(server: PageServer, machine: Machine, role: Role) -> None:
     """Serve until Ctrl-C, or until a joined machine has ended; Enter in the terminal prints another link.
 
     Raises:
@@ -115,9 +117,9 @@ def _keep(server: PageServer, machine: Machine, role: Role) -> None:
     while True:
         say(f"open this, once: {server.link(role)}")
         while not enter_was_pressed():
-            machine.sleep(_LOOK)
+            machine.sleep(_POLL_PERIOD)
             server.require_alive()
             if machine.is_attached and machine.session.ended:
                 say("the machine that it has joined has ended")
-                time.sleep(_LAST_WORDS)
+                time.sleep(_FINAL_TIME)
                 return

@@ -21,22 +21,22 @@ _DRIFT = 0.001  # seconds per second: the drift assumed between two clocks
 class MessageLag:
     """How long the promptest messages of a sender took, which includes the difference of both clocks; times are in seconds.
 
-    ``most``: the largest drift of the clocks that is assumed between two messages, however long the pause between them.
+    ``max_growth``: the largest drift of the clocks that is assumed between two messages, however long the pause between them.
     """
 
-    most: float = math.inf
+    max_growth: float = math.inf
     shortest: float | None = None
     at: float = 0.0
 
-    def told(self, sent: float, now: float) -> MessageLag:
+    def updated(self, sent: float, now: float) -> MessageLag:
         """Account for a message sent at ``sent`` by the sender's clock: the promptest messages show the offset of the clocks."""
         lag = now - sent
         if self.shortest is not None:
-            lag = min(lag, self.shortest + min(self.most, _DRIFT * max(0.0, now - self.at)))
+            lag = min(lag, self.shortest + min(self.max_growth, _DRIFT * max(0.0, now - self.at)))
         return replace(self, shortest=lag, at=now)
 
     def lateness(self, sent: float, now: float) -> float:
-        """Return how much longer than the promptest messages a message took, in seconds; ``told`` must have been called for it."""
+        """Return how much longer than the promptest messages a message took, in seconds; after ``updated`` for it."""
         return 0.0 if self.shortest is None else now - sent - self.shortest
 
 
@@ -44,13 +44,13 @@ class MessageLag:
 class DeadMan:
     """The held jog, if any: ``axis`` and ``direction`` are set while a button is held.
 
-    ``heard`` is the time of the last accepted message, in seconds.
+    ``last_signal`` is the time of the last accepted message, in seconds.
     """
 
     axis: str = ""
     direction: float = 0.0
     press: int = 0  # the newest press received, whether its button is still held or not
-    heard: float = 0.0
+    last_signal: float = 0.0
     lag: MessageLag = MessageLag()
 
     @property
@@ -62,19 +62,19 @@ class DeadMan:
         """Whether a button is held by this press; a message of such a press continues the jog and starts no new one."""
         return self.held and self.press == press
 
-    def told(self, sent: float, now: float) -> DeadMan:
+    def updated(self, sent: float, now: float) -> DeadMan:
         """Account for a message that the page sent at its time ``sent``."""
-        return replace(self, lag=self.lag.told(sent, now))
+        return replace(self, lag=self.lag.updated(sent, now))
 
     def beaten(self, press: int, axis: str, direction: float, sent: float, now: float) -> DeadMan:
         """Account for a message of a press; if nothing is held in the result, the message was too late or its press has ended."""
-        after = self.told(sent, now)
+        after = self.updated(sent, now)
         late = after.lateness(sent, now) > SILENCE
         new = press > after.press
         same = press == after.press and (axis, direction) == (after.axis, after.direction)
-        if late or not (new or (same and now - after.heard <= SILENCE)):
+        if late or not (new or (same and now - after.last_signal <= SILENCE)):
             return replace(after, axis="", direction=0.0, press=max(press, after.press))
-        return replace(after, axis=axis, direction=direction, press=press, heard=now)
+        return replace(after, axis=axis, direction=direction, press=press, last_signal=now)
 
     def lateness(self, sent: float, now: float) -> float:
         """As ``MessageLag.lateness``."""
@@ -82,7 +82,7 @@ class DeadMan:
 
     def silent(self, now: float) -> bool:
         """Whether a button is held and the last message is more than 0.2 s old."""
-        return self.held and now - self.heard > SILENCE
+        return self.held and now - self.last_signal > SILENCE
 
     def ended(self) -> DeadMan:
         """Return the state with nothing held: the button is released, messages are missing, or the page is closed or hidden."""

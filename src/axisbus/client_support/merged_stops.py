@@ -32,7 +32,7 @@ class MergedStops:
     # No lock is held while a stop is given: the end of another command may call back meanwhile. Single operations on the
     # dictionaries are atomic; two threads at once may give a stop twice, which is harmless.
 
-    def give(self, axis: str, call: str) -> Handle:
+    def send(self, axis: str, call: str) -> Handle:
         """Stop an axis by ``call``, *halt* or *quick_stop*; raises as that call."""
         key = axis, call
         running = self._running.get(key)

@@ -95,12 +95,12 @@ def compare(variables: list[Variable], left: ConfigurationSide, right: Configura
     for variable in variables:
         key = variable.index, variable.subindex
         note = left.unread.get(key) or right.unread.get(key) or ""
-        mine, other = left.values.get(key), right.values.get(key)
-        if not note and (mine is None or other is None):
+        left_value, other = left.values.get(key), right.values.get(key)
+        if not note and (left_value is None or other is None):
             continue
         compared += 1
-        if note or not _equal(mine, other):
-            found.append(ConfigurationDifference(variable, mine, other, note))
+        if note or not _equal(left_value, other):
+            found.append(ConfigurationDifference(variable, left_value, other, note))
     return Comparison(compared, tuple(found))
 
 
@@ -116,7 +116,11 @@ def _equal(one: Value | None, other: Value | None) -> bool:
 
 
 def against(
-    node: ByObjects, eds: Eds, tell: Callable[[int, int], None] | None = None, *, everything: bool = False
+    node: ByObjects,
+    eds: Eds,
+    on_progress: Callable[[int, int], None] | None = None,
+    *,
+    everything: bool = False,
 ) -> Comparison:
     """Compare a DCF or EDS with the present values of a device; blocks for a transfer for each entry with a value in the file.
 
@@ -126,14 +130,14 @@ def against(
         SdoTimeout, AdapterError: the device does not answer.
     """
     file = of_file(eds, node.node_id)
-    there = [
+    present = [
         each for each in entries(eds, everything=everything) if (each.index, each.subindex) in file.values
     ]
-    return compare(there, file, of_device(node, there, tell))
+    return compare(present, file, of_device(node, present, on_progress))
 
 
 def of_device(
-    node: ByObjects, variables: Sequence[Variable], tell: Callable[[int, int], None] | None = None
+    node: ByObjects, variables: Sequence[Variable], on_progress: Callable[[int, int], None] | None = None
 ) -> ConfigurationSide:
     """Read ``variables`` of a device; blocks for a transfer each. Entries that cannot be read are in ``unread``.
 
@@ -148,6 +152,6 @@ def of_device(
             values[key] = typed(variable, found)
         else:
             unread[key] = why_unread(found)
-        if tell is not None:
-            tell(number, len(variables))
+        if on_progress is not None:
+            on_progress(number, len(variables))
     return ConfigurationSide(f"node {node.node_id}", values, unread)

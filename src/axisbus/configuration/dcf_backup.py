@@ -14,7 +14,7 @@ from axisbus.eds.model import Variable
 from axisbus.errors import NodeError
 
 Key = tuple[int, int]
-Tell = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,13 +30,13 @@ def backup(
     device: SdoUploads,
     reading: EdsParseResult,
     settings: dcf.Settings,
-    tell: Tell | None = None,
+    on_progress: OnProgress | None = None,
     restarts: Callable[[], object] = lambda: None,
 ) -> DcfBackup:
     """Read each object of ``reading`` (an EDS or DCF, whose own values are dropped) and return the DCF; blocks, writes nothing.
 
-    An object that cannot be read is left out; ``tell(done, all)`` is called after each object. ``restarts`` returns a value that
-    changes if the node restarts.
+    An object that cannot be read is left out; ``on_progress(done, all)`` is called after each object. ``restarts`` returns a value
+    that changes if the node restarts.
 
     Raises:
         SdoTimeout, AdapterError: the node does not answer, or the channel failed.
@@ -44,10 +44,10 @@ def backup(
         ArgumentError, EdsError: the EDS cannot be converted to a DCF with these settings.
     """
     before, reading = restarts(), dcf.to_eds(reading)
-    wanted, left_out = readable(reading)
+    variables, left_out = readable(reading)
     texts: dict[Key, str] = {}
     serial = None
-    for number, variable in enumerate(wanted, start=1):
+    for number, variable in enumerate(variables, start=1):
         found = _read(device, variable)
         text = text_of(variable, found, settings.node_id) if isinstance(found, bytes) else found
         if isinstance(text, LeftOut):
@@ -56,12 +56,12 @@ def backup(
             texts[variable.index, variable.subindex] = text
         if isinstance(found, bytes) and (variable.index, variable.subindex) == (o.IDENTITY, o.SERIAL_NUMBER):
             serial = int.from_bytes(found, "little") or None  # 0 means no serial number
-        if tell is not None:
-            tell(number, len(wanted))
+        if on_progress is not None:
+            on_progress(number, len(variables))
     if restarts() != before:
         raise _restarted(settings.node_id)
-    made = dcf.record(reading, replace(settings, serial=serial), texts)
-    return DcfBackup(made, len(texts), tuple(left_out))
+    written = dcf.record(reading, replace(settings, serial=serial), texts)
+    return DcfBackup(written, len(texts), tuple(left_out))
 
 
 def _restarted(node_id: int) -> NodeError:

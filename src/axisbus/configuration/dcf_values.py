@@ -22,7 +22,7 @@ from axisbus.wording import counted, first_of
 Key = tuple[int, int]
 
 _REFUSES_DOWNLOAD = 1  # bit 0 of ObjFlags (DS 306 4.6.3.3)
-_OWN_SDO_SERVER = 0x1200  # the SDO channel that the master uses
+_DEFAULT_SDO_SERVER = 0x1200  # the SDO channel that the master uses
 
 # Limits that are wrong in many files: only the range of UNSIGNED32 limits these objects.
 _UNLIMITED = frozenset((o.CONSUMER_HEARTBEAT,))
@@ -44,7 +44,7 @@ class SkipReason(Enum):
     MACHINE = "the running machine has set it or uses it"
 
     @property
-    def told(self) -> bool:
+    def is_listed(self) -> bool:
         """Whether reports list these values object by object."""
         return self not in (SkipReason.READ_ONLY, SkipReason.UNUSED)
 
@@ -100,8 +100,8 @@ def select(
         EdsError: the file maps more objects than a PDO can carry.
     """
     given = {(each.index, each.subindex): each for each in _given(eds)}
-    for asked in (*include, *exclude):
-        _require_known(eds, given.keys(), asked)
+    for address in (*include, *exclude):
+        _require_known(eds, given.keys(), address)
     items, skipped = [], []
     for key, variable in given.items():
         reason = _skipped(eds, variable, node_id, make, key in include, key in exclude)
@@ -109,13 +109,13 @@ def select(
             items.append(Item(variable, _data(eds, variable, node_id)))
         else:
             skipped.append(reason)
-    items += _companions(eds, node_id, items, frozenset(given))
+    items += _dependent_items(eds, node_id, items, frozenset(given))
     for item in items:
         _check_count(eds, item)
     return Selection(tuple(items), tuple(skipped))
 
 
-def _companions(eds: Eds, node_id: int, items: list[Item], given: frozenset[Key]) -> Iterator[Item]:
+def _dependent_items(eds: Eds, node_id: int, items: list[Item], given: frozenset[Key]) -> Iterator[Item]:
     """Yield the additional values that the change of a PDO needs: the defaults of its COB-ID and of its whole mapping.
 
     A handwritten DCF may contain a single mapping entry. The additional values come from the file and not from the device. So they
@@ -189,9 +189,9 @@ def _given(eds: Eds) -> Iterator[Variable]:
                 yield variable
 
 
-def _require_known(eds: Eds, given: Collection[Key], asked: Key) -> None:
-    where = f"{asked[0]:04X}h:{asked[1]:02X}"
-    if asked not in given:
+def _require_known(eds: Eds, given: Collection[Key], address: Key) -> None:
+    where = f"{address[0]:04X}h:{address[1]:02X}"
+    if address not in given:
         raise ArgumentError(
             f"{eds.source} gives no value for {where}",
             remedy="list its values: axisbus eds dcf FILE --values",
@@ -212,7 +212,7 @@ def _skipped(
             f"--include {_short(key)} writes it",
         ),
         (bool(variable.object_flags & _REFUSES_DOWNLOAD), SkipReason.FLAGS, ""),
-        (variable.index == _OWN_SDO_SERVER, SkipReason.CHANNEL, ""),
+        (variable.index == _DEFAULT_SDO_SERVER, SkipReason.CHANNEL, ""),
         (variable.data_type is DataType.DOMAIN, SkipReason.TYPE, "a DOMAIN is a separate file"),
         (_unused(eds, variable, node_id), SkipReason.UNUSED, ""),
     )

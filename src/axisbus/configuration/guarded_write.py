@@ -63,7 +63,7 @@ class Written:
             float(self.after), wanted, rel_tol=1e-6
         )  # a REAL32 is rounded
 
-    def words(self, wanted: Value, shown: Callable[[Value | None], str]) -> str:
+    def result_text(self, wanted: Value, shown: Callable[[Value | None], str]) -> str:
         """Return the result in words, for display after the object; ``shown`` formats a value, None if it is unknown."""
         if not self.agrees(wanted):
             return (
@@ -219,11 +219,11 @@ def require_no_other_master(node: CanopenNode, *, heartbeats: bool = True) -> No
         StateError: SYNC, RPDOs for the node, or such heartbeats were received.
         SdoError, AdapterError: the node does not answer.
     """
-    heard = _traffic(node, heartbeats=heartbeats)
-    if heard:
+    received = _traffic(node, heartbeats=heartbeats)
+    if received:
         raise StateError(
             f"another master is on the bus of node {node.node_id}; nothing was sent",
-            observed=f"within {LISTEN:g} s: {', '.join(f'{count} {what}' for what, count in heard.items())}",
+            observed=f"within {LISTEN:g} s: {', '.join(f'{count} {what}' for what, count in received.items())}",
             remedy="end that program first, or give the command in it",
         )
 
@@ -235,18 +235,18 @@ def _traffic(node: CanopenNode, *, heartbeats: bool) -> Counter[str]:
     titles |= {base + node.node_id: f"RPDO{number}" for number, base in enumerate(cob.RPDO, start=1)}
     watched = _watched(node) if heartbeats else []
     titles |= {cob.HEARTBEAT + each: f"heartbeats of node {each}" for each in watched}
-    heard: Counter[str] = Counter()
+    received: Counter[str] = Counter()
     with ExitStack() as stack:
         for identifier, title in titles.items():
-            hear = partial(_count, heard, title)
-            node.channel.subscribe(identifier, hear)
-            stack.callback(node.channel.unsubscribe, identifier, hear)
+            on_frame = partial(_count, received, title)
+            node.channel.subscribe(identifier, on_frame)
+            stack.callback(node.channel.unsubscribe, identifier, on_frame)
         node.channel.clock.sleep(LISTEN)
-    return heard
+    return received
 
 
-def _count(heard: Counter[str], title: str, _: bytes, __: float) -> None:
-    heard[title] += 1
+def _count(received: Counter[str], title: str, _: bytes, __: float) -> None:
+    received[title] += 1
 
 
 def _watched(node: CanopenNode) -> list[int]:

@@ -95,11 +95,11 @@ def read_nameplate(node: ByObjects, cell: CellConfig) -> Nameplate:
     Raises:
         SdoTimeout: the node answers for no object. AdapterError: the channel failed.
     """
-    who, (file, digest) = read_identity(node.sdo), _file_of(cell, node.node_id)
+    identity, (file, digest) = read_identity(node.sdo), _file_of(cell, node.node_id)
     return Nameplate(
         node.node_id,
-        of_identity(who, cell.nodes[node.node_id].makes).name,
-        **identity_values(who),
+        of_identity(identity, cell.nodes[node.node_id].makes).name,
+        **identity_values(identity),
         configured_on=_number(node, 1),
         configured_at=_number(node, 2),
         file=file,
@@ -107,16 +107,16 @@ def read_nameplate(node: ByObjects, cell: CellConfig) -> Nameplate:
     )
 
 
-def identity_values(who: NodeIdentity) -> dict[str, Any]:
+def identity_values(identity: NodeIdentity) -> dict[str, Any]:
     """Return the values of a device's identity by their names in a nameplate."""
     return {
-        "vendor": who.vendor_id,
-        "product": who.product_code,
-        "revision": who.revision,
-        "serial": who.serial,
-        "device_name": who.device_name,
-        "hardware_version": who.hardware_version,
-        "software_version": who.software_version,
+        "vendor": identity.vendor_id,
+        "product": identity.product_code,
+        "revision": identity.revision,
+        "serial": identity.serial,
+        "device_name": identity.device_name,
+        "hardware_version": identity.hardware_version,
+        "software_version": identity.software_version,
     }
 
 
@@ -147,12 +147,12 @@ def changes(before: Sequence[Nameplate], now: Sequence[Nameplate]) -> list[Namep
     return found
 
 
-def changes_of_device(before: Nameplate, who: NodeIdentity) -> list[NameplateChange]:
+def changes_of_device(before: Nameplate, identity: NodeIdentity) -> list[NameplateChange]:
     """Return what differs between a stored nameplate and the device that answers now, without its configuration."""
     was = asdict(before)
     return [
         NameplateChange(before.node, TITLES[name], value_text(name, was[name]), value_text(name, value))
-        for name, value in identity_values(who).items()
+        for name, value in identity_values(identity).items()
         if was[name] != value
     ]
 

@@ -18,7 +18,7 @@ _SHORT = re.compile(r"([iuf])(\d{1,2})", re.IGNORECASE)
 _LETTERS = {"i": "INTEGER", "u": "UNSIGNED", "f": "REAL"}
 _TEXT = (DataType.VISIBLE_STRING, DataType.UNICODE_STRING)
 _REAL = (DataType.REAL32, DataType.REAL64)
-_TRUTH = {"true": 1, "false": 0}
+_BOOLEANS = {"true": 1, "false": 0}
 
 
 def find(dictionary: Dictionary, text: str, drive_axis: int = 1) -> list[DictionaryEntry]:
@@ -31,10 +31,10 @@ def find(dictionary: Dictionary, text: str, drive_axis: int = 1) -> list[Diction
         ArgumentError: there is no such object; the remedy names similar ones.
     """
     name = text.replace("_", " ").strip()
-    whole = _record(dictionary.eds, name) if dictionary.eds is not None else None
-    if whole is not None:
-        index = own_index(whole.index, drive_axis)
-        return [dictionary.entry(index, subindex) for subindex in whole.subs]
+    record = _record(dictionary.eds, name) if dictionary.eds is not None else None
+    if record is not None:
+        index = own_index(record.index, drive_axis)
+        return [dictionary.entry(index, subindex) for subindex in record.subs]
     try:
         return [resolve(text, dictionary, drive_axis)]
     except ArgumentError:
@@ -102,8 +102,8 @@ def _record(eds: Eds, name: str) -> Object | None:
 
 
 def _integer(text: str, entry: DictionaryEntry, kind: DataType, quantity: UnitConversion | None) -> int:
-    if text.lower() in _TRUTH and kind is DataType.BOOLEAN:
-        return _TRUTH[text.lower()]
+    if text.lower() in _BOOLEANS and kind is DataType.BOOLEAN:
+        return _BOOLEANS[text.lower()]
     increments = parse_quantity(text, quantity)
     if increments is not None:
         return increments

@@ -61,16 +61,16 @@ def require_same_device(eds: Eds, found: NodeIdentity, node_id: int, *, replacem
     Raises:
         UserError: the file belongs to another device.
     """
-    said = identity_of(eds)
+    expected = identity_of(eds)
     kinds = (
-        ("device type (1000h)", said.device_type, found.device_type),
-        ("vendor ID", said.vendor_id, found.vendor_id),
-        ("product code", said.product_code, found.product_code),
+        ("device type (1000h)", expected.device_type, found.device_type),
+        ("vendor ID", expected.vendor_id, found.vendor_id),
+        ("product code", expected.product_code, found.product_code),
     )
     specimens = (
-        ("revision", said.revision, found.revision),
-        ("serial number", said.serial, found.serial),
-        ("node-ID", said.node_id, node_id),
+        ("revision", expected.revision, found.revision),
+        ("serial number", expected.serial, found.serial),
+        ("node-ID", expected.node_id, node_id),
     )
     other = _differing(kinds)
     if other:
@@ -90,9 +90,9 @@ def require_same_device(eds: Eds, found: NodeIdentity, node_id: int, *, replacem
 
 def _differing(pairs: tuple[tuple[str, int | None, int | None], ...]) -> list[str]:
     return [
-        f"{what}: the file has 0x{said:X}, the device 0x{found:X}"
-        for what, said, found in pairs
-        if said and found and said != found
+        f"{what}: the file has 0x{expected:X}, the device 0x{found:X}"
+        for what, expected, found in pairs
+        if expected and found and expected != found
     ]
 
 

@@ -35,7 +35,7 @@ from axisbus.wording import counted, first_of
 _BOOT_TIME = 10.0  # seconds that the new drive may need to answer
 # Seconds for a drive whose node-ID was set by a program that was then killed: it takes the node-ID when the LSS search begins,
 # which switches all slaves to waiting.
-_LATE = 3.0
+_NODE_ID_CHANGE_TIME = 3.0
 _SLICE = 0.05
 _SHOWN = 5
 
@@ -70,7 +70,7 @@ def find_drives(
                 remedy="connect only the new drive of this node, and run the command again",
             )
         found.append(FoundDrive(None, *slave.address.parts))
-    if not found and _answers_within(node, _LATE):  # see ``_LATE``
+    if not found and _answers_within(node, _NODE_ID_CHANGE_TIME):  # see ``_NODE_ID_CHANGE_TIME``
         return [_drive(node.node_id, node.identity())]
     of_cell = {*others} - {node.node_id}
     if not found and any(each.plain["node_id"] not in of_cell for each in foreign.speakers):
@@ -87,8 +87,8 @@ def _answers_within(node: CanopenNode, seconds: float) -> bool:
     return poll_until(clock, node.answers_sdo, clock.now() + seconds, _SLICE)
 
 
-def _drive(node_id: int, who: NodeIdentity) -> FoundDrive:
-    return FoundDrive(node_id, **identity_values(who))
+def _drive(node_id: int, identity: NodeIdentity) -> FoundDrive:
+    return FoundDrive(node_id, **identity_values(identity))
 
 
 class DriveReplacement:
@@ -140,10 +140,10 @@ class DriveReplacement:
 
     def _set_node_id(self) -> None:
         drive, node_id = self._order.drive, self._order.node_id
-        own = registry.find(drive.vendor, drive.product, drive.revision, self._makes).node_id
-        if own is not None and drive.node_id is not None:
+        node_id_object = registry.find(drive.vendor, drive.product, drive.revision, self._makes).node_id
+        if node_id_object is not None and drive.node_id is not None:
             if drive.node_id != node_id:
-                self._write_node_id(drive.node_id, own)
+                self._write_node_id(drive.node_id, node_id_object)
             return
         master = LssMaster(self._node.channel, beside_operation=self._in_operation)
         if drive.node_id == node_id:  # it got the node-ID before; whether it has stored it cannot be read
@@ -155,14 +155,14 @@ class DriveReplacement:
         master.set_node_id(drive.address, node_id, store=True, reset=True)
         self._await_answer("since it got its node-ID")
 
-    def _write_node_id(self, before: int, own: NodeIdObject) -> None:
+    def _write_node_id(self, before: int, node_id_object: NodeIdObject) -> None:
         """Set the node-ID by an object of the drive's make: unlike LSS, that concerns no other device."""
         with CanopenNode(self._node.channel, before) as drive:
             preconditions.require_not_energised(drive)
-            size = len(drive.sdo.upload(*own.address))
-            drive.sdo.download(*own.address, self._order.node_id.to_bytes(size, "little"))
+            size = len(drive.sdo.upload(*node_id_object.address))
+            drive.sdo.download(*node_id_object.address, self._order.node_id.to_bytes(size, "little"))
             drive.sdo.download(
-                *own.store, store_parameters.SAVE, timeout=store_parameters.WRITE_TIME, tries=1
+                *node_id_object.store, store_parameters.SAVE, timeout=store_parameters.WRITE_TIME, tries=1
             )
             # It restarts with another node-ID: its boot-up message comes with that.
             nmt.send(self._node.channel, NmtCommand.RESET_NODE, before)
@@ -192,17 +192,17 @@ class DriveReplacement:
         reading = reader.read(reader.file_bytes(Path(file)), file)
         require_values(reading)
         self._require_this_drive()
-        who = node.identity()
-        preconditions.require_same_device(reading.eds, who, node.node_id, replacement=True)
+        identity = node.identity()
+        preconditions.require_same_device(reading.eds, identity, node.node_id, replacement=True)
         if self._in_operation:
             preconditions.require_not_energised(node)
             node.command(NmtCommand.ENTER_PRE_OPERATIONAL)
         else:
             preconditions.require_at_rest(node)
-        selection = select(reading.eds, node.node_id, registry.of_identity(who, self._makes))
+        selection = select(reading.eds, node.node_id, registry.of_identity(identity, self._makes))
         self._calibration = sum(each.why is SkipReason.CALIBRATION for each in selection.skipped)
         restore = Restore(node.sdo, selection)
-        require_within_limits(restore.look(), reading.eds, node.node_id)
+        require_within_limits(restore.read_present(), reading.eds, node.node_id)
         return restore
 
     def _store(self) -> None:
@@ -220,7 +220,7 @@ class DriveReplacement:
 
     def _verify(self) -> None:
         assert self._restore is not None
-        self._restore.look()
+        self._restore.read_present()
         self._require(
             self._restore.report(), "has lost", "its memory may be full or locked: run the command again"
         )

@@ -102,8 +102,8 @@ class ReplacementPlan:
         """The order with which ``DriveReplacement`` does the steps at the device."""
         was, now = None if self.node.was is None else self.node.was.serial, self.drive.serial
         # The core finishes a replacement whose command was killed: the drive then runs, and the record may have its number.
-        begun = self.node.unfinished is not None and self.node.unfinished.serial == now
-        swapped = bool(now and (begun or (was and was != now)))
+        was_begun = self.node.unfinished is not None and self.node.unfinished.serial == now
+        swapped = bool(now and (was_begun or (was and was != now)))
         return ReplacementOrder(self.node.node_id, self.drive, self.steps, self.node.configuration, swapped)
 
     @property

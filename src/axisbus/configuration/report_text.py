@@ -24,7 +24,7 @@ _TOGETHER = {
 }
 
 
-def place(variable: Variable | LeftOut) -> str:
+def address(variable: Variable | LeftOut) -> str:
     """Return index, sub-index and name of an entry."""
     return f"{variable.index:04X}h:{variable.subindex:02X} {variable.name}"
 
@@ -53,27 +53,27 @@ def plain(value: Value | None) -> object:
     return value.hex() if isinstance(value, bytes) else value
 
 
-def device(who: NodeIdentity, origin: str, node_id: int) -> list[str]:
+def device(identity: NodeIdentity, origin: str, node_id: int) -> list[str]:
     """Return the device of a backup, and the source of its description."""
-    kind = device_kind(who.device_type)
-    name = who.device_name or (f"no device name, {kind}" if kind else "no device name")
-    return [f"node {node_id}: {name}, {_identity(who)}", f"  described by {origin}"]
+    kind = device_kind(identity.device_type)
+    name = identity.device_name or (f"no device name, {kind}" if kind else "no device name")
+    return [f"node {node_id}: {name}, {_identity(identity)}", f"  described by {origin}"]
 
 
-def _identity(who: NodeIdentity) -> str:
+def _identity(identity: NodeIdentity) -> str:
     numbers = (
-        ("vendor", who.vendor_id),
-        ("product", who.product_code),
-        ("revision", who.revision),
-        ("serial", who.serial),
+        ("vendor", identity.vendor_id),
+        ("product", identity.product_code),
+        ("revision", identity.revision),
+        ("serial", identity.serial),
     )
     known = [f"{title} 0x{value:X}" for title, value in numbers if value is not None]
     return ", ".join(known) or "no identity (1018h)"
 
 
-def read(made: DcfBackup) -> str:
+def read(saved: DcfBackup) -> str:
     """Return the numbers of read and left-out objects of a backup."""
-    return f"{counted(made.values, 'object')} read, {len(made.left_out)} left out"
+    return f"{counted(saved.values, 'object')} read, {len(saved.left_out)} left out"
 
 
 def short(name: str) -> str:
@@ -101,7 +101,7 @@ def would(differing: Sequence[Item], selection: Selection) -> str:
 
 def restored(report: RestoreReport) -> str:
     """Return the numbers of restored and skipped values."""
-    silent = sum(not each.why.told for each in report.skipped)
+    silent = sum(not each.why.is_listed for each in report.skipped)
     counts = {outcome: len(report.of(outcome)) for outcome in ValueEnd}
     return (
         f"{counts[ValueEnd.RESTORED]} restored, {counts[ValueEnd.SAME]} had it already, {counts[ValueEnd.FAILED]} failed, "
@@ -113,9 +113,9 @@ def skipped(found: Sequence[SkippedValue]) -> list[str]:
     """Return the skipped values with their reasons, without those that are not worth a line."""
     lines = []
     for why, title in _TOGETHER.items():
-        places = [
+        addresses = [
             f"{each.variable.index:04X}h:{each.variable.subindex:02X}" for each in found if each.why is why
         ]
-        lines += [f"{len(places)} that {title}: {', '.join(places)}"] if places else []
-    told = [each for each in found if each.why.told and each.why not in _TOGETHER]
-    return lines + [f"{place(each.variable)}: {each.text}" for each in told]
+        lines += [f"{len(addresses)} that {title}: {', '.join(addresses)}"] if addresses else []
+    listed = [each for each in found if each.why.is_listed and each.why not in _TOGETHER]
+    return lines + [f"{address(each.variable)}: {each.text}" for each in listed]

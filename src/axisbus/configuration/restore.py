@@ -29,7 +29,7 @@ PASSES = 4
 _PADDED = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
 _MISSING = frozenset((abort.OBJECT_MISSING, abort.SUBINDEX_MISSING))
 
-Tell = Callable[[str, int, int], None]
+OnProgress = Callable[[str, int, int], None]
 
 
 class RestoreTarget(SdoUploads, Protocol):
@@ -84,13 +84,15 @@ class Restore:
     ``report`` may be called at any time, also after an exception in ``run``.
     """
 
-    def __init__(self, device: RestoreTarget, selection: Selection, tell: Tell | None = None) -> None:
-        """``tell(what, done, all)`` is called after each transfer."""
+    def __init__(
+        self, device: RestoreTarget, selection: Selection, on_progress: OnProgress | None = None
+    ) -> None:
+        """``on_progress(what, done, all)`` is called after each transfer."""
         self._device = device
         self._selection = selection
-        self._tell = tell
+        self._on_progress = on_progress
         self._items = {item.key: item for item in selection.items}
-        self._wanted = {key: item.data for key, item in self._items.items()}
+        self._target = {key: item.data for key, item in self._items.items()}
         self._of_pdo = by_pdo(self._items)
         self._before: dict[Key, bytes | None] = {}
         self._now: dict[Key, bytes | None] = {}
@@ -100,7 +102,7 @@ class Restore:
         self._unread: set[Key] = set()  # written since they were last read
         self._writes = 0
 
-    def look(self) -> list[Item]:
+    def read_present(self) -> list[Item]:
         """Read each object that has a value in the file; return the values that differ. Writes nothing; blocks.
 
         Raises:
@@ -109,7 +111,7 @@ class Restore:
         for number, key in enumerate(self._items, start=1):
             self._now[key] = self._read(key)
             self._unread.discard(key)
-            self._say("reading", number, len(self._items))
+            self._report_progress("reading", number, len(self._items))
         for key, data in self._now.items():
             self._before.setdefault(key, data)
         return [self._items[key] for key in self._differing()]
@@ -121,14 +123,14 @@ class Restore:
             SdoError, AdapterError: the node no longer answers; ``report`` has the results so far, and another run continues.
         """
         if len(self._now) < len(self._items):
-            self.look()
+            self.read_present()
         for _ in range(PASSES):
             before = self._differing()
             if not before:
                 break
             self._refused.clear()
             self._write(ordered(self._open(), self._comparable()))
-            self.look()
+            self.read_present()
             if self._differing() == before:
                 break
         return self.report()
@@ -141,50 +143,50 @@ class Restore:
     # -- differences ----------------------------------------------------------------------------------------------------
 
     def _differing(self) -> list[Key]:
-        return [key for key in self._open() if not self._same(key)]
+        return [key for key in self._open() if not self._is_equal(key)]
 
     def _open(self) -> dict[Key, bytes]:
         """Return the values worth writing: not of objects that are missing, of another size, or written but unreadable."""
         return {
             key: data
-            for key, data in self._wanted.items()
-            if not self._hopeless(key) and not self._blind(key)
+            for key, data in self._target.items()
+            if not self._why_not_writable(key) and not self._is_write_only(key)
         }
 
     def _comparable(self) -> dict[Key, bytes | None]:
         """Return the device's values; a text that differs only in trailing zeros counts as equal."""
-        return {key: self._wanted[key] if self._same(key) else data for key, data in self._now.items()}
+        return {key: self._target[key] if self._is_equal(key) else data for key, data in self._now.items()}
 
-    def _same(self, key: Key) -> bool:
-        now, wanted = self._now.get(key), self._wanted[key]
+    def _is_equal(self, key: Key) -> bool:
+        now, target = self._now.get(key), self._target[key]
         if now is not None and self._items[key].variable.data_type in _PADDED:
-            return now.rstrip(b"\0") == wanted.rstrip(b"\0")
-        return now == wanted
+            return now.rstrip(b"\0") == target.rstrip(b"\0")
+        return now == target
 
-    def _hopeless(self, key: Key) -> str:
+    def _why_not_writable(self, key: Key) -> str:
         unreadable = self._unreadable.get(key)
         if isinstance(unreadable, SdoAbort) and unreadable.code in _MISSING:
             return "the device does not have it"
         now = self._now.get(key)
         kind = self._items[key].variable.data_type
-        if now is None or size_in_bytes(kind) is None or len(now) == len(self._wanted[key]):
+        if now is None or size_in_bytes(kind) is None or len(now) == len(self._target[key]):
             return ""
-        return f"the device has {counted(len(now), 'octet')} there, the file's type {kind.name} has {len(self._wanted[key])}"
+        return f"the device has {counted(len(now), 'octet')} there, the file's type {kind.name} has {len(self._target[key])}"
 
-    def _blind(self, key: Key) -> bool:
+    def _is_write_only(self, key: Key) -> bool:
         return key in self._written and self._now.get(key) is None
 
     def _result(self, key: Key, item: Item) -> Result:
         before, now = self._before.get(key), self._now.get(key)
         if key in self._unread or key not in self._now:
             return Result(item, ValueEnd.DIFFERS, before, None, "the run ended before it was read again")
-        hopeless = self._hopeless(key)
-        if key in self._now and self._same(key):
-            done = key in self._written and before != now
-            return Result(item, ValueEnd.RESTORED if done else ValueEnd.SAME, before, now)
-        if hopeless or key in self._refused:
-            return Result(item, ValueEnd.FAILED, before, now, hopeless or self._refused[key])
-        if self._blind(key):
+        why_not = self._why_not_writable(key)
+        if key in self._now and self._is_equal(key):
+            was_written = key in self._written and before != now
+            return Result(item, ValueEnd.RESTORED if was_written else ValueEnd.SAME, before, now)
+        if why_not or key in self._refused:
+            return Result(item, ValueEnd.FAILED, before, now, why_not or self._refused[key])
+        if self._is_write_only(key):
             return Result(item, ValueEnd.UNVERIFIED, before, now, why_unread(self._unreadable[key]))
         if key in self._written:
             return Result(item, ValueEnd.FAILED, before, now, "it was accepted, and reads back another value")
@@ -208,9 +210,9 @@ class Restore:
                 if reason and write.pdo is not None:
                     broken.add(write.pdo)
                     self._fail_pdo(write, reason)
-            self._say("writing", number, len(writes))
+            self._report_progress("writing", number, len(writes))
         for pdo in sorted(broken):
-            self._give_back(pdo)
+            self._restore_pdo(pdo)
 
     def _write_one(self, write: OrderedWrite) -> str:
         """Write; return the reason why the device refuses it, empty if it does not."""
@@ -223,7 +225,7 @@ class Restore:
             self._refused[write.key] = reason = _why_unwritten(error)
             return reason
         self._writes += 1
-        if write.data == self._wanted.get(write.key):
+        if write.data == self._target.get(write.key):
             self._written.add(write.key)
             self._refused.pop(write.key, None)
         return ""
@@ -232,12 +234,12 @@ class Restore:
         where = f"{write.index:04X}h:{write.subindex:02X}"
         assert write.pdo is not None
         for key in self._of_pdo[write.pdo]:
-            if not self._same(key):
+            if not self._is_equal(key):
                 self._refused.setdefault(
                     key, f"its PDO was left unchanged, because {where} is refused: {reason}"
                 )
 
-    def _give_back(self, pdo: int) -> None:
+    def _restore_pdo(self, pdo: int) -> None:
         """Restore the values that a PDO had before this pass."""
         had = {key: self._now[key] for key in self._of_pdo[pdo] if key in self._now}
         now = {key: self._read(key) for key in had}
@@ -248,9 +250,9 @@ class Restore:
                     self._device.download(write.index, write.subindex, write.data)
                     self._writes += 1
 
-    def _say(self, what: str, done: int, total: int) -> None:
-        if self._tell is not None:
-            self._tell(what, done, total)
+    def _report_progress(self, what: str, done: int, total: int) -> None:
+        if self._on_progress is not None:
+            self._on_progress(what, done, total)
 
 
 def _why_unwritten(error: SdoError) -> str:

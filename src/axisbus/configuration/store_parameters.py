@@ -14,7 +14,7 @@ from axisbus.drives.plugin import DrivePlugin
 from axisbus.errors import NodeError, NodeTimeout, SdoAbort, SdoTimeout, StateError
 
 OBJECT = "1010h:01 (Save all parameters)"  # CiA 301 7.5.2.13
-Tell = Callable[[str, int, int], None]
+OnProgress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,11 +26,11 @@ class StoreResult:
     comparison: compare.Comparison
 
 
-def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
+def store_all(node: CanopenNode, on_progress: OnProgress | None = None) -> StoreResult:
     """Make a node store all its parameters by 1010h:01; blocks for up to about 30 s, plus the time for reading.
 
     The statusword is read first. If the node restarts and its EDS is known, its values before and after the restart are compared.
-    ``tell(what, done, all)`` reports the progress.
+    ``on_progress(what, done, all)`` reports the progress.
 
     Raises:
         StateError: a drive of the node is energised, another master runs it, or it does not store on command; nothing was sent.
@@ -38,17 +38,17 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
         SdoAbort: the node refuses. NodeTimeout: it does not come back. SdoTimeout, AdapterError: it does not answer.
     """
     _require_at_rest(node)
-    who = node.identity()
-    make = registry.of_identity(who)
+    identity = node.identity()
+    make = registry.of_identity(identity)
     variables = [] if node.eds is None else list(compare.entries(node.eds))
-    before = compare.of_device(node, variables, _phase(tell, f"reading node {node.node_id}"))
-    storing = _phase(tell, f"node {node.node_id} stores")
+    before = compare.of_device(node, variables, _phase(on_progress, f"reading node {node.node_id}"))
+    storing = _phase(on_progress, f"node {node.node_id} stores")
     if storing is not None:
         storing(0, 1)
     stored = store(node, make)
     if storing is not None:
         storing(1, 1)
-    if node.identity() != who:
+    if node.identity() != identity:
         raise NodeError(
             f"node {node.node_id} has been another device since the command to store its parameters",
             node=node.node_id,
@@ -56,7 +56,7 @@ def keep(node: CanopenNode, tell: Tell | None = None) -> StoreResult:
         )
     if not stored.restarted:  # without a restart, the values in RAM prove nothing about its memory
         return StoreResult(False, stored.seconds, compare.Comparison(0, ()))
-    after = compare.of_device(node, variables, _phase(tell, f"reading node {node.node_id} again"))
+    after = compare.of_device(node, variables, _phase(on_progress, f"reading node {node.node_id} again"))
     readable = [each for each in variables if (each.index, each.subindex) in before.values]
     return StoreResult(True, stored.seconds, compare.compare(readable, before, after))
 
@@ -70,8 +70,8 @@ def _require_at_rest(node: CanopenNode) -> None:
         raise StateError(f"node {node.node_id} cannot store its parameters: {why_not}; nothing was sent")
 
 
-def _phase(tell: Tell | None, what: str) -> Callable[[int, int], None] | None:
-    return None if tell is None else lambda done, total: tell(what, done, total)
+def _phase(on_progress: OnProgress | None, what: str) -> Callable[[int, int], None] | None:
+    return None if on_progress is None else lambda done, total: on_progress(what, done, total)
 
 
 # -- Store a node's parameters by 1010h, including the restart that some drives do afterwards --------------------------
@@ -81,7 +81,7 @@ SAVE = b"save"  # 65766173h, as it is sent (CiA 301 7.5.2.13)
 ALL_PARAMETERS = 1
 ON_COMMAND, BY_ITSELF = 1, 2  # bits of the value of 1010h (CiA 301 figure 56)
 WRITE_TIME = 10.0  # seconds that the memory may need
-RESTART_SEEN = 1.0  # seconds within which a restart is detected
+RESTART_DETECTION_TIME = 1.0  # seconds within which a restart is detected
 RESTART_TIME = 15.0  # seconds that a restart may take
 _SLICE = 0.02
 
@@ -140,7 +140,7 @@ def store(node: CanopenNode, make: DrivePlugin) -> Stored:
 
 def _restarts(node: CanopenNode, boots: int, make: DrivePlugin) -> bool:
     clock = node.channel.clock
-    deadline = clock.now() + (RESTART_TIME if make.behaviour.store_restarts else RESTART_SEEN)
+    deadline = clock.now() + (RESTART_TIME if make.behaviour.store_restarts else RESTART_DETECTION_TIME)
     return poll_until(clock, lambda: node.nmt.bootups != boots, deadline, _SLICE)
 
 

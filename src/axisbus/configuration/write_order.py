@@ -26,7 +26,7 @@ from axisbus.cia301 import objects as o
 
 Key = tuple[int, int]
 Values = Mapping[Key, bytes]
-Held = Mapping[Key, bytes | None]  # None: the value cannot be read
+PresentValues = Mapping[Key, bytes | None]  # None: the value cannot be read
 
 VERIFY = 0x1020
 _SYNC_OVERFLOW = 0x1019
@@ -47,14 +47,14 @@ def _producing_no_more(value: int) -> int:
     return value & ~_ACTIVE
 
 
-def _neither_way(value: int) -> int:
+def _no_producer_no_consumer(value: int) -> int:
     return value & ~(_ACTIVE | cob.INVALID)
 
 
 # How to disable a COB-ID before its other bits may change (CiA 301 7.5.2.5, 7.5.2.15, 7.5.2.17).
 _OFF: Mapping[int, Callable[[int], int]] = {
     o.COB_ID_SYNC: _producing_no_more,
-    _COB_ID_TIME: _neither_way,
+    _COB_ID_TIME: _no_producer_no_consumer,
     o.COB_ID_EMCY: _invalid,
 }
 
@@ -74,14 +74,14 @@ class OrderedWrite:
         return self.index, self.subindex
 
 
-def ordered(wanted: Values, held: Held) -> list[OrderedWrite]:
-    """Return the writes that change a device from ``held`` to ``wanted``; none if it has all values already."""
-    differing = {key for key, data in wanted.items() if held.get(key) != data}
+def ordered(target: Values, present: PresentValues) -> list[OrderedWrite]:
+    """Return the writes that change a device from ``present`` to ``target``; none if it has all values already."""
+    differing = {key for key, data in target.items() if present.get(key) != data}
     if not differing:
         return []
-    plan = _Plan(wanted, held, differing)
+    plan = _Plan(target, present, differing)
     return [
-        *plan.stamp_away(),
+        *plan.clear_stamp(),
         *plan.pdos_off(),
         *plan.channels_off(),
         *plan.plain(),
@@ -109,43 +109,43 @@ def _by_index(keys: Iterable[Key]) -> dict[int, list[Key]]:
     return found
 
 
-def pdo_back(pdo: int, before: Held, now: Held) -> list[OrderedWrite]:
+def pdo_back(pdo: int, before: PresentValues, now: PresentValues) -> list[OrderedWrite]:
     """Return the writes that restore one PDO's values ``before``, whatever has changed since."""
-    own = {key: data for key, data in before.items() if data is not None and o.pdo_of(key[0]) == pdo}
-    state: dict[Key, bytes | None] = {**own, **{key: now.get(key) for key in own}}
-    return ordered(own, state)
+    previous = {key: data for key, data in before.items() if data is not None and o.pdo_of(key[0]) == pdo}
+    state: dict[Key, bytes | None] = {**previous, **{key: now.get(key) for key in previous}}
+    return ordered(previous, state)
 
 
 class _Plan:
     """The phases; holds the wanted values, the device's values, and their differences, and changes none of them."""
 
-    def __init__(self, wanted: Values, held: Held, differing: set[Key]) -> None:
-        self._wanted = wanted
-        self._held = held
+    def __init__(self, target: Values, present: PresentValues, differing: set[Key]) -> None:
+        self._target = target
+        self._present = present
         self._differing = differing
         self._sorted = sorted(differing)
         self._pdos = sorted(by_pdo(differing))
         self._differing_of = _by_index(self._sorted)
-        self._wanted_of = _by_index(sorted(wanted))
+        self._target_by_index = _by_index(sorted(target))
 
     # -- 1020h ----------------------------------------------------------------------------------------------------------
 
-    def stamp_away(self) -> Iterator[OrderedWrite]:
-        for key in self._stamps() if self._beside_stamp() else ():
-            if any(self._held.get(key) or b""):
-                yield OrderedWrite(*key, bytes(len(self._wanted[key])))
+    def clear_stamp(self) -> Iterator[OrderedWrite]:
+        for key in self._stamps() if self._writes_more_than_stamp() else ():
+            if any(self._present.get(key) or b""):
+                yield OrderedWrite(*key, bytes(len(self._target[key])))
 
     def stamp(self) -> Iterator[OrderedWrite]:
-        taken_away = {write.key for write in self.stamp_away()}
+        cleared = {write.key for write in self.clear_stamp()}
         for key in self._stamps():
-            now = bytes(len(self._wanted[key])) if key in taken_away else self._held.get(key)
-            if now != self._wanted[key]:
-                yield OrderedWrite(*key, self._wanted[key])
+            now = bytes(len(self._target[key])) if key in cleared else self._present.get(key)
+            if now != self._target[key]:
+                yield OrderedWrite(*key, self._target[key])
 
     def _stamps(self) -> list[Key]:
-        return self._wanted_of.get(VERIFY, [])
+        return self._target_by_index.get(VERIFY, [])
 
-    def _beside_stamp(self) -> bool:
+    def _writes_more_than_stamp(self) -> bool:
         return any(index != VERIFY for index in self._differing_of)
 
     # -- PDOs -----------------------------------------------------------------------------------------------------------
@@ -153,32 +153,32 @@ class _Plan:
     def pdos_off(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
             now = self._number((pdo, o.PDO_COB_ID))
-            if now is not None and not now & cob.INVALID and (pdo, o.PDO_COB_ID) in self._wanted:
+            if now is not None and not now & cob.INVALID and (pdo, o.PDO_COB_ID) in self._target:
                 yield OrderedWrite(pdo, o.PDO_COB_ID, _u32(now | cob.INVALID), pdo)
 
     def pdos(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
             for key in self._differing_of.get(pdo, ()):
                 if key[1] != o.PDO_COB_ID:
-                    yield OrderedWrite(*key, self._wanted[key], pdo)
+                    yield OrderedWrite(*key, self._target[key], pdo)
             if pdo + _TO_MAPPING in self._differing_of:
                 yield from self._mapping(pdo)
 
     def _mapping(self, pdo: int) -> Iterator[OrderedWrite]:
         mapping = pdo + _TO_MAPPING
-        count = self._wanted.get((mapping, 0))
+        count = self._target.get((mapping, 0))
         if count is None:  # the number is fixed: entries are changed one by one
             for key in self._differing_of[mapping]:
-                yield OrderedWrite(*key, self._wanted[key], pdo)
+                yield OrderedWrite(*key, self._target[key], pdo)
             return
-        mapped = any(self._held.get((mapping, 0)) or b"\1")
+        mapped = any(self._present.get((mapping, 0)) or b"\1")
         if mapped:
             yield OrderedWrite(mapping, 0, bytes(len(count)), pdo)
         used = range(1, int.from_bytes(count, "little") + 1)
-        for key in (key for key in self._wanted_of[mapping] if key[1] in used):
-            data = self._wanted[key]
+        for key in (key for key in self._target_by_index[mapping] if key[1] in used):
+            data = self._target[key]
             # Setting the count to 0 may clear the entries too, so all entries are written afterwards.
-            if mapped or self._held.get(key) != data:
+            if mapped or self._present.get(key) != data:
                 yield OrderedWrite(*key, data, pdo)
         if any(count):
             yield OrderedWrite(mapping, 0, count, pdo)
@@ -186,7 +186,7 @@ class _Plan:
     def pdos_on(self) -> Iterator[OrderedWrite]:
         for pdo in self._pdos:
             key = pdo, o.PDO_COB_ID
-            data = self._wanted.get(key)
+            data = self._target.get(key)
             now = self._number(key)
             if data is not None and (now is None or data != _u32(now | cob.INVALID)):
                 yield OrderedWrite(*key, data, pdo)
@@ -213,7 +213,7 @@ class _Plan:
         """Whether a COB-ID of an SDO channel must be disabled before the channel's differing entries may change."""
         key = index, subindex
         now = self._number(key)
-        if now is None or now & cob.INVALID or key not in self._wanted:
+        if now is None or now & cob.INVALID or key not in self._target:
             return False
         others = any(sub not in _SDO_COB_IDS for _, sub in self._differing_of.get(index, ()))
         return others or key in self._differing
@@ -221,28 +221,30 @@ class _Plan:
     def channels(self) -> Iterator[OrderedWrite]:
         for index in (_COB_ID_TIME, o.COB_ID_EMCY, _SYNC_OVERFLOW):
             yield from self._if_differing((index, 0))
-        period = self._wanted.get((o.CYCLE_PERIOD, 0), b"")
+        period = self._target.get((o.CYCLE_PERIOD, 0), b"")
         if self._stops_sync() and any(period):
             yield OrderedWrite(o.CYCLE_PERIOD, 0, period)
         elif not self._stops_sync():
             yield from self._if_differing((o.CYCLE_PERIOD, 0))
         yield from self._if_differing((o.COB_ID_SYNC, 0))
         for index in self._sdo_channels():
-            for key in reversed(self._wanted_of[index]):  # the COB-IDs last
-                if self._switched_off(key) != self._wanted[key]:
-                    yield OrderedWrite(*key, self._wanted[key])
+            for key in reversed(self._target_by_index[index]):  # the COB-IDs last
+                if self._switched_off(key) != self._target[key]:
+                    yield OrderedWrite(*key, self._target[key])
 
     def _stops_sync(self) -> bool:
         """Whether 1006h must be 0 temporarily."""
         key = o.CYCLE_PERIOD, 0
         return (
-            (_SYNC_OVERFLOW, 0) in self._differing and key in self._wanted and any(self._held.get(key) or b"")
+            (_SYNC_OVERFLOW, 0) in self._differing
+            and key in self._target
+            and any(self._present.get(key) or b"")
         )
 
     def _switched_off(self, key: Key) -> bytes | None:
         """Return the value of an SDO channel's entry after the channel is disabled."""
         now = self._number(key)
-        return self._held.get(key) if now is None or not self._blocks(*key) else _u32(now | cob.INVALID)
+        return self._present.get(key) if now is None or not self._blocks(*key) else _u32(now | cob.INVALID)
 
     def _sdo_channels(self) -> list[int]:
         return sorted(index for index in self._differing_of if index in _SDO_CHANNELS)
@@ -253,23 +255,23 @@ class _Plan:
         special = {*_OFF, *_ERROR_CONTROL, _SYNC_OVERFLOW, o.CYCLE_PERIOD, VERIFY, *_SDO_CHANNELS}
         for key in self._sorted:
             if key[0] not in special and o.pdo_of(key[0]) is None:
-                yield OrderedWrite(*key, self._wanted[key])
+                yield OrderedWrite(*key, self._target[key])
 
     def error_control(self) -> Iterator[OrderedWrite]:
         consumers = self._differing_of.get(o.CONSUMER_HEARTBEAT, ())
         for key in consumers if len(consumers) > 1 else ():
-            if any(self._held.get(key) or b"\1"):
-                yield OrderedWrite(*key, bytes(len(self._wanted[key])))
+            if any(self._present.get(key) or b"\1"):
+                yield OrderedWrite(*key, bytes(len(self._target[key])))
         for index in _ERROR_CONTROL:
             for key in self._differing_of.get(index, ()):
-                yield OrderedWrite(*key, self._wanted[key])
+                yield OrderedWrite(*key, self._target[key])
 
     def _if_differing(self, key: Key) -> Iterator[OrderedWrite]:
         if key in self._differing:
-            yield OrderedWrite(*key, self._wanted[key])
+            yield OrderedWrite(*key, self._target[key])
 
     def _number(self, key: Key) -> int | None:
-        data = self._held.get(key)
+        data = self._present.get(key)
         return None if data is None else int.from_bytes(data, "little")
 
 

@@ -41,10 +41,10 @@ def descriptions() -> tuple[PluginDescription, ...]:
 
 
 def _read(path: Path) -> PluginDescription:
-    about = tomllib.loads(path.read_text(encoding="utf-8"))
+    description = tomllib.loads(path.read_text(encoding="utf-8"))
     return PluginDescription(
         path.parent.name,
-        about["vendor_id"],
-        Extension(about["protocols"], about["interfaces"], about["parts"]),
-        about["commands"],
+        description["vendor_id"],
+        Extension(description["protocols"], description["interfaces"], description["parts"]),
+        description["commands"],
     )

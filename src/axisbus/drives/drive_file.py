@@ -120,12 +120,12 @@ def load(path: str | Path) -> DrivePlugin:
     Raises:
         ConfigError: the file cannot be read, is not TOML, or contains an error; the first error, with the others listed.
     """
-    return _sound(*read(path))
+    return _valid(*read(path))
 
 
 def of_resource(file: Traversable) -> DrivePlugin:
     """Read a drive file of an installed package; blocks, and raises as ``load``."""
-    return _sound(*_interpreted(lambda: toml.loads(file.read_text("utf-8"), str(file), KIND)))
+    return _valid(*_interpreted(lambda: toml.loads(file.read_text("utf-8"), str(file), KIND)))
 
 
 def read(path: str | Path) -> tuple[DrivePlugin | None, list[CellProblem]]:
@@ -145,7 +145,7 @@ def _interpreted(document: Callable[[], TomlDocument]) -> tuple[DrivePlugin | No
     return plugin, sorted(reading.problems, key=lambda problem: problem.rank)
 
 
-def _sound(plugin: DrivePlugin | None, problems: list[CellProblem]) -> DrivePlugin:
+def _valid(plugin: DrivePlugin | None, problems: list[CellProblem]) -> DrivePlugin:
     if plugin is None:
         raise as_exception(errors(problems))
     return plugin

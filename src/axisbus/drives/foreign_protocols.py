@@ -56,42 +56,42 @@ class ForeignProtocols:
 
     def __init__(self) -> None:
         """Blocks while the detectors are imported."""
-        self._all: list[ProtocolDetector] = [make() for make in registry.parts(PACKAGE)]
+        self._detectors: list[ProtocolDetector] = [make() for make in registry.parts(PACKAGE)]
         self.frames = 0
 
     def note(self, frame: CanFrame) -> None:
         """As ``ProtocolDetector.note``."""
         self.frames += not frame.error
-        for each in self._all:
+        for each in self._detectors:
             each.note(frame)
 
     @property
     def speakers(self) -> list[ForeignDevice]:
         """As ``ProtocolDetector.speakers``."""
-        return [speaker for each in self._all for speaker in each.speakers]
+        return [speaker for each in self._detectors for speaker in each.speakers]
 
     def text(self, frame: CanFrame) -> str | None:
         """As ``ProtocolDetector.text``."""
-        return next((text for each in self._all if (text := each.text(frame)) is not None), None)
+        return next((text for each in self._detectors if (text := each.text(frame)) is not None), None)
 
     def commands(self, can_ids: Iterable[int]) -> set[int]:
         """As ``ProtocolDetector.commands``."""
         ids = tuple(can_ids)
-        return {can_id for each in self._all for can_id in each.commands(ids)}
+        return {can_id for each in self._detectors for can_id in each.commands(ids)}
 
     def heard(self) -> list[str]:
         """As ``ProtocolDetector.heard``."""
-        return [line for each in self._all for line in each.heard()]
+        return [line for each in self._detectors for line in each.heard()]
 
     def remedies(self) -> list[str]:
         """As ``ProtocolDetector.remedies``."""
-        return [line for each in self._all for line in each.remedies()]
+        return [line for each in self._detectors for line in each.remedies()]
 
     def lines(self) -> list[str]:
         """Return the recognised devices, each protocol with its remedy below it."""
         pairs = (
             (heard, remedy)
-            for each in self._all
+            for each in self._detectors
             for heard, remedy in zip(each.heard(), each.remedies(), strict=True)
         )
         return [line for heard, remedy in pairs for line in (heard, f"  remedy:   {remedy}")]
@@ -99,4 +99,4 @@ class ForeignProtocols:
     @property
     def factory_rates(self) -> dict[int, str]:
         """The bit rates with which devices leave their factory, each with the make."""
-        return {each.factory_rate: each.make for each in self._all}
+        return {each.factory_rate: each.make for each in self._detectors}

@@ -203,8 +203,8 @@ class DrivePlugin:
 
     def same_drives(self, other: DrivePlugin) -> bool:
         """Whether both are for the same identities, so that neither precedes the other."""
-        mine = self.vendor_id, self.product_codes, self.revisions
-        return mine == (other.vendor_id, other.product_codes, other.revisions)
+        own_identity = self.vendor_id, self.product_codes, self.revisions
+        return own_identity == (other.vendor_id, other.product_codes, other.revisions)
 
     @property
     def detail(self) -> int:

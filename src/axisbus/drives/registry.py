@@ -27,7 +27,7 @@ from axisbus.eds.model import Eds
 from axisbus.errors import AxisbusError
 
 GROUP = "axisbus.drives"
-_OWN = __name__.rpartition(".")[0]
+_PACKAGE = __name__.rpartition(".")[0]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,7 +81,7 @@ class DriveIdentity(Protocol):
 def installed() -> tuple[PluginSource, ...]:
     """Return all sources of plug-ins: first those of other packages, then those of this one. Blocks while those are imported."""
     others = sorted(entry_points(group=GROUP), key=lambda entry: entry.name)
-    return (*map(_of_entry_point, others), *_own())
+    return (*map(_of_entry_point, others), *_built_in())
 
 
 def plugins(vendor_id: int | None = None) -> tuple[DrivePlugin, ...]:
@@ -89,30 +89,30 @@ def plugins(vendor_id: int | None = None) -> tuple[DrivePlugin, ...]:
     return tuple(plugin for source in installed() for plugin in source.of_vendor(vendor_id))
 
 
-def make_of(eds: Eds, own: Iterable[DrivePlugin] = ()) -> DrivePlugin:
-    """Return the plug-in for the identity in an EDS, which boot-up compares with the node's identity; ``own`` as in ``find``."""
-    return of_identity(eds.identity, own)
+def make_of(eds: Eds, cell_plugins: Iterable[DrivePlugin] = ()) -> DrivePlugin:
+    """Return the plug-in for the identity in an EDS, which boot-up compares with the node's; ``cell_plugins`` as in ``find``."""
+    return of_identity(eds.identity, cell_plugins)
 
 
-def of_identity(who: DriveIdentity, own: Iterable[DrivePlugin] = ()) -> DrivePlugin:
+def of_identity(identity: DriveIdentity, cell_plugins: Iterable[DrivePlugin] = ()) -> DrivePlugin:
     """Return the plug-in of a drive by its identity, as ``find``."""
-    return find(who.vendor_id, who.product_code, who.revision, own)
+    return find(identity.vendor_id, identity.product_code, identity.revision, cell_plugins)
 
 
 def find(
     vendor_id: int | None,
     product_code: int | None,
     revision: int | None = None,
-    own: Iterable[DrivePlugin] = (),
+    cell_plugins: Iterable[DrivePlugin] = (),
 ) -> DrivePlugin:
     """Return the plug-in of a drive by 1018h:01 to 03 (None: unknown); ``GENERIC`` if none matches.
 
-    The plug-ins that a cell names by file (``own``) precede all others. Of several that match, the one with the closest identity
-    is returned.
+    The plug-ins that a cell names by file (``cell_plugins``) precede all others. Of several that match, the one with the closest
+    identity is returned.
     """
     if vendor_id is None:
         return GENERIC
-    for known in (tuple(own), plugins(vendor_id)):
+    for known in (tuple(cell_plugins), plugins(vendor_id)):
         fitting = [each for each in known if each.matches(vendor_id, product_code, revision)]
         if fitting:
             return max(fitting, key=lambda each: each.detail)
@@ -155,15 +155,15 @@ def load(code: str) -> Any:
     return getattr(importlib.import_module(module), name)
 
 
-def _own() -> Iterator[PluginSource]:
+def _built_in() -> Iterator[PluginSource]:
     """Yield the makes of this package: each folder with a description, and each with drive files, is a source."""
     described = {about.name: about for about in descriptions()}
-    for found in pkgutil.iter_modules(importlib.import_module(_OWN).__path__):
+    for found in pkgutil.iter_modules(importlib.import_module(_PACKAGE).__path__):
         if found.name in described:
             yield PluginSource(found.name, "axisbus", about=described[found.name])
         elif found.ispkg:
             yield PluginSource(
-                found.name, "axisbus", _plugins(importlib.import_module(f"{_OWN}.{found.name}"))
+                found.name, "axisbus", _plugins(importlib.import_module(f"{_PACKAGE}.{found.name}"))
             )
 
 
@@ -173,9 +173,9 @@ def _of_entry_point(entry: EntryPoint) -> PluginSource:
     try:
         return PluginSource(entry.name, origin, _plugins(entry.load()))
     except Exception as error:  # noqa: BLE001  a package of somebody else may fail in any way
-        told = str(error) if isinstance(error, AxisbusError) else f"{type(error).__name__}: {error}"
+        reason = str(error) if isinstance(error, AxisbusError) else f"{type(error).__name__}: {error}"
         remedy = f"update or uninstall the package {package.name}" if package is not None else ""
-        return PluginSource(entry.name, origin, error=f"{entry.value}: {told}", remedy=remedy)
+        return PluginSource(entry.name, origin, error=f"{entry.value}: {reason}", remedy=remedy)
 
 
 def _plugins(loaded: object) -> tuple[DrivePlugin, ...]:

@@ -19,24 +19,26 @@ _SUB = re.compile(r"(?i)(?<=[0-9a-fh])sub(?=[0-9a-f]{1,2}h?$)")
 _OCTETS = frozenset((DataType.OCTET_STRING, DataType.DOMAIN))
 
 
-def entry(eds: Eds, wanted: str) -> Variable:
-    """Return the one entry that ``wanted`` names.
+def entry(eds: Eds, address: str) -> Variable:
+    """Return the one entry that ``address`` names.
 
-    ``wanted`` is a name (``"Profile velocity"``, ``"Object.Sub-index name"``), or an index in hexadecimal digits with an optional
+    ``address`` is a name (``"Profile velocity"``, ``"Object.Sub-index name"``), or an index in hexadecimal digits with an optional
     sub-index: ``6081``, ``0x6081``, ``6099h:01``, ``1018sub1``.
 
     Raises:
         ArgumentError: the file has no such entry, or several of this name.
     """
-    named = _named(eds, wanted)
+    named = _named(eds, address)
     if len(named) > 1:
-        there = ", ".join(_where(each) for each in named)
+        existing = ", ".join(_where(each) for each in named)
         raise ArgumentError(
-            f"{wanted!r} is the name of several objects", observed=f"these: {there}", remedy="give the index"
+            f"{address!r} is the name of several objects",
+            observed=f"these: {existing}",
+            remedy="give the index",
         )
     if named:
         return named[0]
-    found = Dictionary(eds).resolve(_SUB.sub(":", wanted.strip()))
+    found = Dictionary(eds).resolve(_SUB.sub(":", address.strip()))
     return at(eds, found.index, found.subindex)
 
 
@@ -50,23 +52,23 @@ def at(eds: Eds, index: int, subindex: int) -> Variable:
     if variable is not None:
         return variable
     entry = eds.objects.get(index)
-    there = "" if entry is None else ", ".join(f"{sub:02X}" for sub in list(entry.subs)[:12])
+    existing = "" if entry is None else ", ".join(f"{sub:02X}" for sub in list(entry.subs)[:12])
     raise ArgumentError(
         f"{eds.source} has no object {index:04X}h:{subindex:02X}",
-        observed=f"{index:04X}h has the sub-indices {there}" if there else "",
+        observed=f"{index:04X}h has the sub-indices {existing}" if existing else "",
         remedy="list the objects: axisbus eds show",
     )
 
 
 def _named(eds: Eds, name: str) -> list[Variable]:
-    wanted = name.strip().lower()
+    lowered = name.strip().lower()
     found = []
     for entry in eds:
-        if not wanted.startswith(entry.name.lower()):
+        if not lowered.startswith(entry.name.lower()):
             continue
         for sub in entry.subs.values():
             full = f"{entry.name}.{sub.name}" if entry.is_record else entry.name
-            if full.lower() == wanted:
+            if full.lower() == lowered:
                 found.append(sub)
     return found
 
@@ -84,12 +86,12 @@ def text_for(variable: Variable, given: str, node_id: int | None = None) -> str:
     check_writable(variable)
     value, problems = values.parse(given.strip(), variable.data_type)
     clear = _CLEAR | {_TWOS_COMPLEMENT} if "0x" in given.lower() else _CLEAR
-    odd = [problem for problem in problems if problem.rule not in clear]
-    if value is None or odd:
-        raise _refused(variable, given, odd[0] if odd else values.ValueProblem("V001", "it is empty"))
+    refused = [problem for problem in problems if problem.rule not in clear]
+    if value is None or refused:
+        raise _refused(variable, given, refused[0] if refused else values.ValueProblem("V001", "it is empty"))
     check_limits(variable, value, node_id)
-    bare = given.strip() == "$NODEID"  # some readers require a number after it
-    return written(value, variable.data_type) if problems or bare else given.strip()
+    is_plain_formula = given.strip() == "$NODEID"  # some readers require a number after it
+    return written(value, variable.data_type) if problems or is_plain_formula else given.strip()
 
 
 def check_writable(variable: Variable) -> None:

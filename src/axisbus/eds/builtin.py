@@ -38,8 +38,8 @@ def resolve(spec: str, base: Path) -> Path:
     name = spec[len(PREFIX) :].strip()
     known = names()
     if name not in known:
-        near = difflib.get_close_matches(name.lower(), known, n=1)
-        hint = f"did you mean {PREFIX}{near[0]}? " if near else ""
+        similar = difflib.get_close_matches(name.lower(), known, n=1)
+        hint = f"did you mean {PREFIX}{similar[0]}? " if similar else ""
         raise EdsError(
             f"there is no built-in EDS {name!r}",
             observed=f"there are: {', '.join(PREFIX + each for each in known)}",

@@ -27,34 +27,34 @@ class ConciseWrite(NamedTuple):
 
 def encode(writes: Iterable[ConciseWrite]) -> bytes:
     """Return the stream of these writes, in their order."""
-    every = tuple(writes)
-    parts = [_COUNT.pack(len(every))]
-    for write in every:
+    all_writes = tuple(writes)
+    parts = [_COUNT.pack(len(all_writes))]
+    for write in all_writes:
         parts += (_HEAD.pack(write.index, write.subindex, len(write.data)), write.data)
     return b"".join(parts)
 
 
-class Taken(NamedTuple):
+class DecodedStream(NamedTuple):
     """The decoded parts of a stream: the number of entries in its head, the complete writes, and the number of remaining octets."""
 
-    said: int
+    declared: int
     writes: tuple[ConciseWrite, ...]
-    rest: int
+    remaining: int
 
 
-def take_apart(data: bytes) -> Taken:
+def decode_leniently(data: bytes) -> DecodedStream:
     """Return the complete writes of a stream, whatever number its head contains; never raises."""
     if len(data) < _COUNT.size:
-        return Taken(0, (), len(data))
+        return DecodedStream(0, (), len(data))
     (count,) = _COUNT.unpack_from(data)
     writes, at = [], _COUNT.size
-    while (write := _whole(data, at)) is not None:
+    while (write := _complete_write(data, at)) is not None:
         writes.append(write)
         at += _HEAD.size + len(write.data)
-    return Taken(count, tuple(writes), len(data) - at)
+    return DecodedStream(count, tuple(writes), len(data) - at)
 
 
-def _whole(data: bytes, at: int) -> ConciseWrite | None:
+def _complete_write(data: bytes, at: int) -> ConciseWrite | None:
     """Return the entry at an octet, None if it is incomplete."""
     start = at + _HEAD.size
     if start > len(data):
@@ -71,8 +71,8 @@ def decode(data: bytes, source: str = "") -> tuple[ConciseWrite, ...]:
     """
     if len(data) < _COUNT.size:
         raise _broken(source, f"it has {counted(len(data), 'octet')}, the number of entries alone takes 4")
-    count, whole, _ = take_apart(data)
-    writes = whole[:count]
+    count, complete, _ = decode_leniently(data)
+    writes = complete[:count]
     at = _COUNT.size + sum(_HEAD.size + len(write.data) for write in writes)
     if len(writes) < count and at < len(data):
         raise _broken(source, f"entry {len(writes) + 1} {_cut_off(data, at)}")

@@ -72,7 +72,7 @@ def check_understood(reading: EdsParseResult) -> None:
     for section, key, index, subindex in _given(reading):
         variable = reading.eds.get(index, subindex)
         if section.entries.get(key) and variable is not None and variable.parameter_value is None:
-            line, _ = reading.document.place(section, key)
+            line, _ = reading.document.location(section, key)
             raise EdsError(
                 f"{section.entries[key][:40]!r} cannot be written to {index:04X}h:{subindex:02X}",
                 file=reading.eds.source,
@@ -90,7 +90,7 @@ def _given(reading: EdsParseResult) -> Iterator[tuple[Section, str, int, int]]:
     for index, subs in parts.subs.items():
         for subindex, section in subs.items():
             yield section, "parametervalue", index, subindex
-    for (index, kind), section in parts.beside.items():
+    for (index, kind), section in parts.list_sections.items():
         for key in section.entries if kind == "value" else ():
             if key.isdecimal() and len(key) <= _DIGITS:
                 yield section, key, index, int(key)

@@ -125,7 +125,7 @@ def _list(numbers: Iterable[int]) -> str:
 
 def _section(reading: EdsParseResult, index: int, subindex: int) -> Section | None:
     """Return the section of an entry, None if the file describes the entry only implicitly."""
-    listed = reading.parts.beside.get((index, "value"))
+    listed = reading.parts.list_sections.get((index, "value"))
     if listed is not None and str(subindex) in listed.entries:
         return None
     section = reading.parts.subs.get(index, {}).get(subindex)
@@ -134,7 +134,7 @@ def _section(reading: EdsParseResult, index: int, subindex: int) -> Section | No
     return section
 
 
-def has_place(reading: EdsParseResult, index: int, subindex: int) -> bool:
+def has_section_for(reading: EdsParseResult, index: int, subindex: int) -> bool:
     """Whether the file can give an entry a value of its own; it cannot if the entry is only implied, as by CompactPDO."""
     head = reading.parts.heads.get(index)
     compacted = head is not None and "compactsubobj" in head.entries
@@ -152,7 +152,7 @@ def _lists(
     for index, texts in listed.items():
         head = document.sections.get(f"{index:04x}")
         if head is None or "compactsubobj" not in head.entries:
-            raise _no_place(reading, index, int(next(iter(texts))))
+            raise _no_section_error(reading, index, int(next(iter(texts))))
         section = document.sections.get(f"{index:04x}value")
         if section is None:
             entries = {"NrOfEntries": str(len(texts)), **texts}
@@ -162,7 +162,7 @@ def _lists(
             yield from edit.set_values(document, section, {**texts, "NrOfEntries": str(count)})
 
 
-def _no_place(reading: EdsParseResult, index: int, subindex: int) -> EdsError:
+def _no_section_error(reading: EdsParseResult, index: int, subindex: int) -> EdsError:
     return EdsError(
         f"the file has no place for a value of {index:04X}h:{subindex:02X}",
         file=reading.eds.source,
@@ -172,8 +172,8 @@ def _no_place(reading: EdsParseResult, index: int, subindex: int) -> EdsError:
 
 
 def _next(document: EdsText, section: Section) -> Section | None:
-    later = [each for each in document.sections.values() if each.line >= section.end]
-    return min(later, key=lambda each: each.line, default=None)
+    following_sections = [each for each in document.sections.values() if each.line >= section.end]
+    return min(following_sections, key=lambda each: each.line, default=None)
 
 
 def _file_info(document: EdsText, settings: Settings) -> Iterator[LineEdit]:
@@ -218,7 +218,9 @@ def to_eds(reading: EdsParseResult, file_name: str | None = None) -> EdsParseRes
     ``file_name`` is the name of the EDS, for [FileInfo].
     """
     document, parts = reading.document, reading.parts
-    dropped = [section for (_, kind), section in parts.beside.items() if kind in ("value", "denotation")]
+    dropped = [
+        section for (_, kind), section in parts.list_sections.items() if kind in ("value", "denotation")
+    ]
     dropped += [
         document.sections[name]
         for name in (_SECTION.lower(), _MISSPELT, "connectedmodules")
@@ -240,7 +242,7 @@ def differing(eds: Eds, node_id: int | None = None) -> tuple[Variable, ...]:
     return tuple(
         sub
         for entry in eds
-        if any(like.parameter_value is not None for like, _ in compact.alike(entry.subs))
+        if any(like.parameter_value is not None for like, _ in compact.grouped(entry.subs))
         for sub in entry.subs.values()
         if sub.parameter_value is not None and sub.initial(node) != default(sub, node)
     )

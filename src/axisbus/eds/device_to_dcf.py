@@ -21,7 +21,7 @@ Key = tuple[int, int]
 
 _REFUSES_SCAN = 2  # bit 1 of ObjFlags (DS 306 4.6.3.3)
 _TEXTS = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
-_UNFIT = re.compile(r"[^\x20-\x7e]")
+_NOT_ASCII = re.compile(r"[^\x20-\x7e]")
 # COB-IDs of the pre-defined connection set: the object -> the part without the node-ID (CiA 301 7.3.5).
 _PREDEFINED: Mapping[Key, int] = {
     (o.COB_ID_EMCY, 0): cob.EMCY,
@@ -42,15 +42,15 @@ class LeftOut:
 
 def readable(reading: EdsParseResult) -> tuple[list[Variable], list[LeftOut]]:
     """Return the entries to read for a backup, and the entries that are left out."""
-    wanted, left_out = [], []
+    variables, left_out = [], []
     for entry in reading.eds:
         for variable in entry.subs.values():
             reason = _reason(reading, variable)
             if reason:
                 left_out.append(left(variable, reason))
             else:
-                wanted.append(variable)
-    return wanted, left_out
+                variables.append(variable)
+    return variables, left_out
 
 
 def left(variable: Variable, reason: str) -> LeftOut:
@@ -65,7 +65,7 @@ def _reason(reading: EdsParseResult, variable: Variable) -> str:
         return "its ObjFlags say that it is not to be read on a scan"
     if variable.data_type is DataType.DOMAIN:
         return "a DOMAIN is a separate file"
-    if not dcf.has_place(reading, variable.index, variable.subindex):
+    if not dcf.has_section_for(reading, variable.index, variable.subindex):
         return "the EDS has no section for it"
     return ""
 
@@ -91,7 +91,7 @@ def text_of(variable: Variable, data: bytes, node_id: int) -> str | LeftOut:
 
 def printable(text: str) -> str:
     """Return a device's text in the form that an EDS allows: trimmed, with ``?`` for each character that is not printable ASCII."""
-    return _UNFIT.sub("?", text.strip())
+    return _NOT_ASCII.sub("?", text.strip())
 
 
 def _text(variable: Variable, data: bytes, node_id: int) -> str:

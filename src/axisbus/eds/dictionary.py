@@ -90,13 +90,13 @@ class Dictionary:
         known = list(catalogue.NAMES)
         if self.eds is not None:
             known += [sub.name.lower() for entry in self.eds for sub in entry.subs.values()]
-        near = difflib.get_close_matches(key.strip().lower(), dict.fromkeys(known), n=3)
+        similar = difflib.get_close_matches(key.strip().lower(), dict.fromkeys(known), n=3)
         where = (
             f"in {self.eds.source} or in CiA 301 and 402" if self.eds is not None else "in CiA 301 and 402"
         )
         return ArgumentError(
             f"there is no object {key!r} {where}",
-            remedy=(f"did you mean {' or '.join(repr(name) for name in near)}? " if near else "")
+            remedy=(f"did you mean {' or '.join(repr(name) for name in similar)}? " if similar else "")
             + "an index is written 6081h or 0x6081, a sub-index after a colon: 6099h:01",
         )
 

@@ -18,19 +18,19 @@ from itertools import accumulate
 from typing import NamedTuple
 
 from axisbus.eds.fixes import counts, spelling, text, values
-from axisbus.eds.fixes.base import Fix, FixContext, Mend
+from axisbus.eds.fixes.base import Fix, FixContext, FixFunction
 from axisbus.eds.io import edit, reader
 from axisbus.eds.io.edit import LineEdit
 from axisbus.eds.io.reader import EdsParseResult
 from axisbus.eds.io.text import EdsText
 
-STAGES: tuple[Mapping[str, Mend], ...] = (
-    {**text.MENDS, **spelling.MENDS, **values.MENDS, **values.NAMES, **text.NON_ASCII_MENDS},
+STAGES: tuple[Mapping[str, FixFunction], ...] = (
+    {**text.FIXES, **spelling.FIXES, **values.FIXES, **values.NAMES, **text.NON_ASCII_FIXES},
     counts.NUMBERING,
-    {**counts.MENDS, **values.DUMMY_USAGE_MENDS},
+    {**counts.FIXES, **values.DUMMY_USAGE_FIXES},
 )
 RULES = frozenset(
-    (*text.WHOLE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")
+    (*text.WHOLE_FILE, *(rule for stage in STAGES for rule in stage), "B003", "L001", "O013", "O024")
 )
 
 _MAX_ROUNDS = 100  # far more than fixes that wait for each other can need
@@ -44,7 +44,7 @@ class Fixed:
     """
 
     reading: EdsParseResult
-    mended: tuple[Fix, ...]
+    fixes: tuple[Fix, ...]
     origins: tuple[int, ...]
 
 
@@ -54,18 +54,18 @@ def fix(reading: EdsParseResult) -> Fixed:
     Raises:
         EdsError: no object description is left, which should never happen to a file that was readable.
     """
-    reading, done = _whole(reading)
-    bench = FixContext(reading)
+    reading, fixes = _whole(reading)
+    context = FixContext(reading)
     origins = tuple(range(1, len(reading.document.lines) + 1))
     for _ in range(_MAX_ROUNDS):
-        before = len(done)
-        bench, done, origins = _stage(bench, STAGES[0], origins, done)
-        if not _ends_early(bench.reading):  # the counts of a truncated file are not wrong
+        before = len(fixes)
+        context, fixes, origins = _stage(context, STAGES[0], origins, fixes)
+        if not _ends_early(context.reading):  # the counts of a truncated file are not wrong
             for stage in STAGES[1:]:
-                bench, done, origins = _stage(bench, stage, origins, done)
-        if len(done) == before:
+                context, fixes, origins = _stage(context, stage, origins, fixes)
+        if len(fixes) == before:
             break
-    return Fixed(bench.reading, tuple(sorted(done, key=lambda mended: mended.line)), origins)
+    return Fixed(context.reading, tuple(sorted(fixes, key=lambda one_fix: one_fix.line)), origins)
 
 
 def _ends_early(reading: EdsParseResult) -> bool:
@@ -76,56 +76,56 @@ def _ends_early(reading: EdsParseResult) -> bool:
 
 def _whole(reading: EdsParseResult) -> tuple[EdsParseResult, list[Fix]]:
     """Fix the encoding and the line ends."""
-    done = []
-    for rule, (mend, what) in text.WHOLE.items():
-        document = mend(reading.document)
+    fixes = []
+    for rule, (fix_function, what) in text.WHOLE_FILE.items():
+        document = fix_function(reading.document)
         if document is not None:
             reading = reader.read_document(document, reading.eds.source)
-            done.append(Fix(rule, 1, what, ()))
-    return reading, done
+            fixes.append(Fix(rule, 1, what, ()))
+    return reading, fixes
 
 
 def _stage(
-    bench: FixContext, stage: Mapping[str, Mend], origins: tuple[int, ...], before: list[Fix]
+    context: FixContext, stage: Mapping[str, FixFunction], origins: tuple[int, ...], before: list[Fix]
 ) -> tuple[FixContext, list[Fix], tuple[int, ...]]:
     """Run one stage to its end; return the fixed file, the fixes with those ``before``, and the original lines."""
-    done = [*before]
+    fixes = [*before]
     for _ in range(_MAX_ROUNDS):
-        chosen = _chosen(bench, stage.values())
+        chosen = _chosen(context, stage.values())
         if not chosen:
             break
-        changes = [change for mended in chosen for change in mended.changes]
+        changes = [change for one_fix in chosen for change in one_fix.changes]
         known = tuple(accumulate(origins, lambda last, origin: origin or last, initial=1))
-        done += [mended._replace(line=known[mended.line]) for mended in chosen]
-        document = edit.apply(bench.document, changes)
+        fixes += [one_fix._replace(line=known[one_fix.line]) for one_fix in chosen]
+        document = edit.apply(context.document, changes)
         origins = _moved(origins, changes, document)
-        bench = FixContext(reader.read_document(document, bench.reading.eds.source))
-    return bench, done, origins
+        context = FixContext(reader.read_document(document, context.reading.eds.source))
+    return context, fixes, origins
 
 
-def _chosen(bench: FixContext, mends: Iterable[Mend]) -> list[Fix]:
+def _chosen(context: FixContext, functions: Iterable[FixFunction]) -> list[Fix]:
     """Return the fixes, without those that touch a line of an earlier one."""
-    taken: set[int] = set()
+    touched: set[int] = set()
     chosen = []
-    for mend in mends:
-        for mended in mend(bench):
-            lines = {change.line for change in mended.changes}
-            if lines and taken.isdisjoint(lines):
-                taken |= lines
-                chosen.append(mended)
+    for fix_function in functions:
+        for one_fix in fix_function(context):
+            lines = {change.line for change in one_fix.changes}
+            if lines and touched.isdisjoint(lines):
+                touched |= lines
+                chosen.append(one_fix)
     return chosen
 
 
 def _moved(origins: tuple[int, ...], changes: Iterable[LineEdit], document: EdsText) -> tuple[int, ...]:
     """Return the original's line number of each line after changes."""
-    made: list[int] = []
+    origins_after: list[int] = []
     done = 0
     for change in sorted(changes, key=lambda change: (change.line, change.count > 0)):
-        made += origins[done : change.line - 1]
-        made += [0] * len(change.lines)
+        origins_after += origins[done : change.line - 1]
+        origins_after += [0] * len(change.lines)
         done = change.line - 1 + change.count
-    made += origins[done:]
-    return tuple(made[: len(document.lines)])
+    origins_after += origins[done:]
+    return tuple(origins_after[: len(document.lines)])
 
 
 # -- The changes of the fixes, as a unified diff ---------------------------------------------------------------------------------
@@ -180,10 +180,10 @@ def _hunks(edits: list[_Edit]) -> Iterator[list[_Edit]]:
 
 
 def _hunk(edits: list[_Edit], old: list[str], new: list[str]) -> Iterator[str]:
-    lead = min(CONTEXT, edits[0].old)
+    leading = min(CONTEXT, edits[0].old)
     trail = min(CONTEXT, len(old) - edits[-1].old_end)
-    start, end = edits[0].old - lead, edits[-1].old_end + trail
-    first, last = edits[0].new - lead, edits[-1].new_end + trail
+    start, end = edits[0].old - leading, edits[-1].old_end + trail
+    first, last = edits[0].new - leading, edits[-1].new_end + trail
     yield f"@@ -{_span(start, end)} +{_span(first, last)} @@"
     at = start
     for each in edits:

@@ -18,7 +18,7 @@ from axisbus.motion.states import AxisState
 if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
 
-NOTHING: Mapping[str, Value] = MappingProxyType({})
+NO_VALUES: Mapping[str, Value] = MappingProxyType({})
 _UNSHOWN = frozenset({"press", "sent"})
 _PRESS = 0.15  # seconds without a jog call after which the next call counts as a new press
 _STATES = {state.value: state for state in AxisState}
@@ -42,11 +42,11 @@ class FleetAxis:
         self._jog: tuple[float, int, float] = (math.nan, 0, -math.inf)  # velocity, press, when
 
     def __repr__(self) -> str:
-        seen = self._cell.last_state(self.name)
-        if seen is None or not seen.fresh:
+        last = self._cell.last_state(self.name)
+        if last is None or not last.fresh:
             return f"<FleetAxis {self._path}: unknown>"
-        where = "" if seen.state.position is None else f" at {seen.state.position:g} {seen.state.unit}"
-        return f"<FleetAxis {self._path}: {seen.state.state}{where}>"
+        where = "" if last.state.position is None else f" at {last.state.position:g} {last.state.unit}"
+        return f"<FleetAxis {self._path}: {last.state.state}{where}>"
 
     @property
     def _path(self) -> str:
@@ -57,8 +57,8 @@ class FleetAxis:
     @property
     def unit(self) -> str:
         """The unit of its positions; empty if nothing has been received from the cell yet."""
-        info, seen = self._cell.axis_info(self.name), self._cell.last_state(self.name)
-        return info.unit if info is not None else seen.state.unit if seen is not None else ""
+        info, last = self._cell.axis_info(self.name), self._cell.last_state(self.name)
+        return info.unit if info is not None else last.state.unit if last is not None else ""
 
     @property
     def limits(self) -> dict[str, float]:
@@ -69,8 +69,8 @@ class FleetAxis:
     @property
     def age(self) -> float | None:
         """Seconds since the state of the axis was made, by the cell's clock and then by the local clock; None if it is unknown."""
-        seen = self._cell.last_state(self.name)
-        return None if seen is None else seen.age
+        last = self._cell.last_state(self.name)
+        return None if last is None else last.age
 
     @property
     def state(self) -> AxisState:
@@ -79,22 +79,22 @@ class FleetAxis:
         Raises:
             StaleError: the state is unknown now.
         """
-        told = self._told("state")
-        if told.state not in _STATES:
+        message = self._fresh_state("state")
+        if message.state not in _STATES:
             raise self._stale(
-                "state", f"the cell reports the state {told.state!r}, which this version does not know"
+                "state", f"the cell reports the state {message.state!r}, which this version does not know"
             )
-        return _STATES[told.state]
+        return _STATES[message.state]
 
     @property
     def error(self) -> str:
         """The message of the axis's error; empty if there is none. Raises StaleError if it is unknown now."""
-        return self._told("error").error or ""
+        return self._fresh_state("error").error or ""
 
     @property
     def homed(self) -> bool:
         """Whether the position is confirmed by homing; raises StaleError if that is unknown now."""
-        homed = self._told("homed").homed
+        homed = self._fresh_state("homed").homed
         if homed is None:
             raise self._stale("homed", "unknown to the cell")
         return homed
@@ -120,19 +120,19 @@ class FleetAxis:
         return self._value("following_error")
 
     def _value(self, what: str) -> float:
-        value: float | None = getattr(self._told(what), what)
+        value: float | None = getattr(self._fresh_state(what), what)
         if value is None:
             raise self._stale(what, "unknown to the cell: never received there, or too old")
         return value
 
-    def _told(self, what: str) -> AxisStateMessage:
-        seen = self._cell.last_state(self.name)
-        if seen is None:
+    def _fresh_state(self, what: str) -> AxisStateMessage:
+        last = self._cell.last_state(self.name)
+        if last is None:
             raise self._stale(what, self._cell.offline_reason or "nothing was received from it")
-        if not seen.fresh:
-            old = "of nothing known" if seen.age is None else f"{seen.age:.1f} s old"
+        if not last.fresh:
+            old = "of nothing known" if last.age is None else f"{last.age:.1f} s old"
             raise self._stale(what, self._cell.offline_reason or f"the last received state is {old}")
-        return seen.state
+        return last.state
 
     def _stale(self, what: str, observed: str) -> StaleError:
         return StaleError(
@@ -154,37 +154,37 @@ class FleetAxis:
 
     def enable(self, *, allow_moving: bool = False) -> Handle:
         """Switch the power stage on (MC_Power); ``allow_moving`` also enables an axis that moves without power."""
-        return self._give("enable", allow_moving=allow_moving or None)
+        return self._send("enable", allow_moving=allow_moving or None)
 
     def disable(self, *, coast: bool = False) -> Handle:
         """Halt, then switch the power stage off; ``coast`` cuts the power at once."""
-        return self._give("disable", coast=coast or None)
+        return self._send("disable", coast=coast or None)
 
     def reset(self) -> Handle:
         """Reset a fault or ErrorStop (MC_Reset); never enables."""
-        return self._give("reset")
+        return self._send("reset")
 
     def stop(self) -> Handle:
         """Brake to a stop and lock the axis in Stopping (MC_Stop) until ``release()``."""
-        return self._give("stop")
+        return self._send("stop")
 
     def release(self) -> Handle:
         """End the lock of ``stop()``, once the axis is at standstill."""
-        return self._give("release")
+        return self._send("release")
 
     # -- motion --------------------------------------------------------------------------------------------------------
 
     def home(self, method: int | None = None, *, timeout: float | None = None) -> Handle:
         """Home the axis (MC_Home) by ``method`` of 6098h, by default that of its cell file; ``timeout`` in seconds."""
-        return self._give("home", method=method, timeout=timeout)
+        return self._send("home", method=method, timeout=timeout)
 
     def set_position(self, position: float) -> Handle:
         """Define the actual position as ``position`` from now on (MC_SetPosition)."""
-        return self._give("set_position", {"position": position})
+        return self._send("set_position", {"position": position})
 
     def set_override(self, factor: float) -> Handle:
         """Scale the velocity of its commands by this factor from now on: 0 (it holds) to 1.5."""
-        return self._give("set_override", {"factor": factor})
+        return self._send("set_override", {"factor": factor})
 
     def move_absolute(
         self,
@@ -203,7 +203,7 @@ class FleetAxis:
             ArgumentError: a value is not a finite number.
             OwnershipError: this program does not have control of the cell.
         """
-        return self._give(
+        return self._send(
             "move_absolute",
             {"position": position},
             velocity=velocity,
@@ -225,7 +225,7 @@ class FleetAxis:
         timeout: float | None = None,
     ) -> Handle:
         """Move by ``distance`` from the actual position at the start (MC_MoveRelative); raises as ``move_absolute``."""
-        return self._give(
+        return self._send(
             "move_relative",
             {"distance": distance},
             velocity=velocity,
@@ -246,7 +246,7 @@ class FleetAxis:
         timeout: float | None = None,
     ) -> Handle:
         """Move by ``distance`` from the last commanded position (MC_MoveAdditive); raises as ``move_absolute``."""
-        return self._give(
+        return self._send(
             "move_additive",
             {"distance": distance},
             velocity=velocity,
@@ -266,7 +266,7 @@ class FleetAxis:
         timeout: float | None = None,
     ) -> Handle:
         """Move at ``velocity`` (signed, unit/s) until another command takes over (MC_MoveVelocity); raises as ``move_absolute``."""
-        return self._give(
+        return self._send(
             "move_velocity",
             {"velocity": velocity},
             acceleration=acceleration,
@@ -279,7 +279,7 @@ class FleetAxis:
         self, torque: float, *, slope: float | None = None, timeout: float | None = None
     ) -> Handle:
         """Apply ``torque`` (signed, N·m) with ``slope`` (N·m/s) (MC_TorqueControl); raises as ``move_absolute``."""
-        return self._give("torque_control", {"torque": torque}, slope=slope, timeout=timeout)
+        return self._send("torque_control", {"torque": torque}, slope=slope, timeout=timeout)
 
     def jog(self, velocity: float, *, acceleration: float | None = None) -> Handle:
         """Move at ``velocity`` for 200 ms; to continue, call it again with the same values, at least ten times a second.
@@ -291,13 +291,13 @@ class FleetAxis:
         if velocity != before or now - at > _PRESS:
             press = next(self._presses)
         self._jog = velocity, press, now
-        return self._give(
+        return self._send(
             "jog", {"velocity": velocity, "press": press, "sent": now}, acceleration=acceleration
         )
 
-    def _give(self, verb: str, needs: Mapping[str, Value] = NOTHING, **takes: Value) -> Handle:
-        """Send a command with its required values ``needs``, and with those optional values ``takes`` that are given."""
-        given = {**needs, **{name: value for name, value in takes.items() if value is not None}}
+    def _send(self, verb: str, needs: Mapping[str, Value] = NO_VALUES, **optional: Value) -> Handle:
+        """Send a command with its required values ``needs``, and with those optional values ``optional`` that are given."""
+        given = {**needs, **{name: value for name, value in optional.items() if value is not None}}
         shown = ", ".join(f"{name}={value}" for name, value in given.items() if name not in _UNSHOWN)
         name = f"{self._path}.{verb}({shown})"
         return self._cell._send_command(

@@ -36,12 +36,12 @@ _TIMEOUT = 5.0  # seconds for an answer: reading an object of a node may take lo
 _Message = TypeVar("_Message")
 
 
-class Ways(NamedTuple):
+class FleetServices(NamedTuple):
     """The parts of a fleet through which a cell is reached."""
 
-    asking: ZenohClient
-    hearing: FleetSubscriptions
-    sending: CommandSender
+    zenoh_client: ZenohClient
+    subscriptions: FleetSubscriptions
+    sender: CommandSender
     leases: Leases
 
 
@@ -50,10 +50,10 @@ class FleetCell:
 
     name: str
 
-    def __init__(self, name: str, ways: Ways) -> None:
+    def __init__(self, name: str, ways: FleetServices) -> None:
         self.name = name
-        self._ways = ways
-        self._keys = ZenohCellKeys(ways.hearing.plant, name)
+        self._services = ways
+        self._keys = ZenohCellKeys(ways.subscriptions.plant, name)
         self._axes: dict[str, FleetAxis] = {}
 
     def __repr__(self) -> str:
@@ -83,7 +83,7 @@ class FleetCell:
         return self._axes.setdefault(name, FleetAxis(name, self))
 
     def _axis_names(self) -> tuple[str, ...]:
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.axes)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.axes)
 
     # -- known state -----------------------------------------------------------------------------------------------------
 
@@ -95,17 +95,17 @@ class FleetCell:
     @property
     def alive(self) -> bool:
         """Whether the cell's machine runs and its bridge is reached; false within a second of the loss of either."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.alive)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.alive)
 
     @property
     def bridge_online(self) -> bool:
         """Whether the cell's bridge is reached, even if no machine runs there."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.bridged)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.bridged)
 
     @property
     def since(self) -> float:
         """The seconds for which this program has seen the cell alive, or gone."""
-        return self._ways.hearing.look(self.name, lambda watch, now: now - watch.since)
+        return self._services.subscriptions.inspect(self.name, lambda watch, now: now - watch.since)
 
     @property
     def offline_reason(self) -> str:
@@ -121,32 +121,34 @@ class FleetCell:
     @property
     def info(self) -> CellInfo | None:
         """The description of the cell from its bridge; None if it has not been received yet."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.info)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.info)
 
     @property
     def version_mismatch(self) -> str:
         """How the cell's version of axisbus differs from the local one, for people; empty if it does not differ or is unknown."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.differs)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.differs)
 
     @property
     def duplicate_bridge(self) -> bool:
         """Whether two bridges use this name now; if so, this program sends the cell no command except stops."""
-        return self._ways.hearing.look(self.name, lambda watch, now: watch.rivals(now))
+        return self._services.subscriptions.inspect(
+            self.name, lambda watch, now: watch.has_second_bridge(now)
+        )
 
     @property
     def clock_difference(self) -> float | None:
         """Seconds by which the clock of the cell's computer is ahead of the local one, less the message's delay; for people."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.clock_difference)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.clock_difference)
 
     @property
     def events(self) -> list[Event]:
         """The newest events that are stored here, oldest first, at most 500."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.log.events)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.log.events)
 
     @property
     def lost_events(self) -> int:
         """The number of events that are lost: this program missed them, and the cell no longer stores them."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.log.lost)
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.log.lost)
 
     @property
     def incidents(self) -> list[Event]:
@@ -155,11 +157,11 @@ class FleetCell:
 
     def last_state(self, axis: str) -> LastAxisState | None:
         """Return the last state that an axis reported, with its age and whether it is still valid; None if none was received."""
-        return self._ways.hearing.look(self.name, lambda watch, now: watch.seen(axis, now))
+        return self._services.subscriptions.inspect(self.name, lambda watch, now: watch.last_state(axis, now))
 
     def axis_info(self, axis: str) -> AxisInfo | None:
         """Return the description of an axis in the cell file; None if it has not been received yet."""
-        return self._ways.hearing.look(self.name, lambda watch, _: watch.axis_info(axis))
+        return self._services.subscriptions.inspect(self.name, lambda watch, _: watch.axis_info(axis))
 
     # -- control, and stops -----------------------------------------------------------------------------------------------
 
@@ -174,7 +176,7 @@ class FleetCell:
             OwnershipError: another program has control (on entering).
             StateError: the cell gives no answer, or this program already has control of it (on entering).
         """
-        return CellControl(self, self.name, self._ways.leases, force)
+        return CellControl(self, self.name, self._services.leases, force)
 
     def control_owner(self) -> str | None:
         """Return the name of the client that has control, for people, None if no client has it; blocks for at most 2 s.
@@ -182,7 +184,7 @@ class FleetCell:
         Raises:
             StateError: the cell gives no answer.
         """
-        return self._ways.leases.holder(self.name)
+        return self._services.leases.holder(self.name)
 
     def halt(self) -> Handle:
         """Brake all axes of the cell to Standstill, whichever client has control."""
@@ -195,7 +197,7 @@ class FleetCell:
     def stop_axes(self, verb: str, axes: Sequence[str]) -> Handle:
         """Send a stop, which needs no lease; it is sent even if the cell seems to be gone."""
         name = ".".join((self.name, *axes, f"{verb.removesuffix('_all')}()"))
-        return self._ways.sending.give(self.name, verb, tuple(axes), {}, name, stops=True)
+        return self._services.sender.send(self.name, verb, tuple(axes), {}, name, stops=True)
 
     def _send_command(self, verb: str, axes: Sequence[str], values: Mapping[str, Value], name: str) -> Handle:
         """Send a command that needs a lease.
@@ -204,11 +206,11 @@ class FleetCell:
             OwnershipError: this program does not have control of the cell.
             StateError: the cell speaks another version of the protocol, or two bridges use its name.
         """
-        self._require_one_tongue(name)
-        self._ways.leases.require(self.name, name)
-        return self._ways.sending.give(self.name, verb, tuple(axes), values, name, once=verb == "jog")
+        self._require_same_protocol(name)
+        self._services.leases.require(self.name, name)
+        return self._services.sender.send(self.name, verb, tuple(axes), values, name, once=verb == "jog")
 
-    def _require_one_tongue(self, name: str) -> None:
+    def _require_same_protocol(self, name: str) -> None:
         if self.duplicate_bridge:
             raise StateError(
                 f"{name}: two bridges have the name {self.name}; nothing was sent",
@@ -238,15 +240,15 @@ class FleetCell:
         If there is no answer, it is unknown whether the object was written: read it.
         """
         name = f"{self.name}: node {node}, {index:04X}h:{subindex:02X}"
-        self._ways.leases.require(self.name, name)
-        ask = ObjectWrite(self._ways.sending.client, self._ways.sending.token(self.name), value)
-        self._object(node, index, subindex, msgspec.json.encode(ask))
+        self._services.leases.require(self.name, name)
+        request = ObjectWrite(self._services.sender.client, self._services.sender.token(self.name), value)
+        self._object(node, index, subindex, msgspec.json.encode(request))
 
     def _object(self, node: int, index: int, subindex: int, payload: bytes) -> Value | bytes:
         if not (0 <= index <= 0xFFFF and 0 <= subindex <= 0xFF):
             raise ArgumentError(f"{self.name}: there is no object {index!r}:{subindex!r}")
-        answer = self._ask(self._keys.object(node, index, subindex), payload, ObjectAnswer, "an object")
-        self._require_well(answer.error, f"{self.name}: node {node}, {index:04X}h:{subindex:02X}")
+        answer = self._query(self._keys.object(node, index, subindex), payload, ObjectAnswer, "an object")
+        self._require_no_error(answer.error, f"{self.name}: node {node}, {index:04X}h:{subindex:02X}")
         return bytes.fromhex(answer.hex) if answer.hex and answer.value is None else answer.value
 
     def recordings(self) -> list[RecordingInfo]:
@@ -268,17 +270,17 @@ class FleetCell:
         """
         return self._history(HistoryAsk(recording, tuple(signals), begin, end, most))
 
-    def _history(self, ask: HistoryAsk) -> HistoryAnswer:
-        answer = self._ask(self._keys.history, msgspec.json.encode(ask), HistoryAnswer, "a recording")
-        self._require_well(answer.error, f"{self.name}: its recordings")
+    def _history(self, request: HistoryAsk) -> HistoryAnswer:
+        answer = self._query(self._keys.history, msgspec.json.encode(request), HistoryAnswer, "a recording")
+        self._require_no_error(answer.error, f"{self.name}: its recordings")
         return answer
 
-    def _ask(self, key: str, payload: bytes, kind: type[_Message], what: str) -> _Message:
-        answer = read(self._ways.asking.ask(key, payload, _TIMEOUT), kind)
+    def _query(self, key: str, payload: bytes, kind: type[_Message], what: str) -> _Message:
+        answer = read(self._services.zenoh_client.query(key, payload, _TIMEOUT), kind)
         if answer is None:
             raise no_answer(f"{self.name}: {what}")
         return answer
 
-    def _require_well(self, error: ErrorFields | None, what: str) -> None:
+    def _require_no_error(self, error: ErrorFields | None, what: str) -> None:
         if error is not None:
             raise error_of(error, what)

@@ -28,7 +28,7 @@ from axisbus.version import __version__
 FRESH = 1.0  # seconds: an older state counts as unknown
 UNKNOWN = "unknown"  # the state of an axis whose state the cell does not know
 AXES = 256  # the most axes that a cell may have
-_OVER = 100  # the number of ended runs that are remembered
+_MAX_ENDED_RUNS = 100  # the number of ended runs that are remembered
 _MISSED = 2.0  # seconds after which the token of a killed bridge is certainly gone
 
 
@@ -41,7 +41,7 @@ class LastAxisState(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard:
+class _ReceivedState:
     state: AxisStateMessage
     at: float
     late: float  # seconds by which its message took longer than the promptest ones
@@ -65,46 +65,46 @@ class CellWatch:
         self.log = EventLog()
         self.clock_difference: float | None = None
         self._lag = MessageLag()
-        self._states: dict[str, _Heard] = {}
-        self._over: dict[str, None] = {}  # runs that are over, oldest first
+        self._states: dict[str, _ReceivedState] = {}
+        self._ended_runs: dict[str, None] = {}  # runs that are over, oldest first
         self._bridges: dict[str, float] = {}  # the bridges that are present, and since when
 
     # -- messages ------------------------------------------------------------------------------------------------------
 
-    def token(self, there: bool, now: float) -> None:
+    def token(self, present: bool, now: float) -> None:
         """Note that the cell's liveliness token has appeared or disappeared."""
-        if there != self.alive:
-            self.alive, self.since = there, now
+        if present != self.alive:
+            self.alive, self.since = present, now
             self._lag = (
                 MessageLag()
             )  # its messages may take another route now, and its clock may have stopped
             self.informed = False  # it may be another machine, with a changed cell file
-            self.log.doubt()
+            self.log.require_check()
 
-    def presence(self, bridge: str, there: bool, now: float) -> None:
+    def presence(self, bridge: str, present: bool, now: float) -> None:
         """Note that a bridge with this name has appeared or disappeared."""
-        if not there:
+        if not present:
             self._bridges.pop(bridge, None)
         else:
             self._bridges.setdefault(bridge, now)
 
-    def take_info(self, info: CellInfo, wall: float) -> bool:
+    def store_info(self, info: CellInfo, wall: float) -> bool:
         """Store the description of the cell; return False, and store nothing, if it comes from a run that is over."""
-        if not self._of_now(info.bridge):
+        if not self._of_present_run(info.bridge):
             return False
         self.info, self.informed = info, True
         self.clock_difference = info.clock - wall
         return True
 
-    def take_state(self, axis: str, state: AxisStateMessage, now: float, wall: float) -> bool:
+    def store_state(self, axis: str, state: AxisStateMessage, now: float, wall: float) -> bool:
         """Store the state of an axis; return whether it is newer than the stored one."""
-        if not self._of_now(state.bridge):
+        if not self._of_present_run(state.bridge):
             return False
-        heard = self._states.get(axis)
-        overtaken = heard is not None and state.n <= heard.state.n
-        if overtaken or (heard is None and len(self._states) >= AXES):
+        received = self._states.get(axis)
+        overtaken = received is not None and state.n <= received.state.n
+        if overtaken or (received is None and len(self._states) >= AXES):
             return False
-        self._states[axis] = _Heard(state, now, self._lateness(state.sent, now))
+        self._states[axis] = _ReceivedState(state, now, self._lateness(state.sent, now))
         self.clock_difference = state.clock - wall
         return True
 
@@ -112,23 +112,23 @@ class CellWatch:
         """Return by how many seconds a message is late; 0 for a bridge that does not say when it was sent."""
         if sent is None:
             return 0.0
-        self._lag = self._lag.told(sent, now)
+        self._lag = self._lag.updated(sent, now)
         return self._lag.lateness(sent, now)
 
-    def take_event(self, event: Event) -> bool:
+    def store_event(self, event: Event) -> bool:
         """Store an event; return whether it is new."""
-        return self._of_now(event.bridge) and self.log.take(event)
+        return self._of_present_run(event.bridge) and self.log.add(event)
 
-    def _of_now(self, run: str) -> bool:
+    def _of_present_run(self, run: str) -> bool:
         """Return whether a message belongs to the present run of the bridge; a message of a new run can begin that run."""
         if run == self.run:
             return True
-        if self.run in self._bridges or (run in self._over and run not in self._bridges):
+        if self.run in self._bridges or (run in self._ended_runs and run not in self._bridges):
             return False  # of a second bridge, or of a run that has ended
         if self.run:
-            self._over[self.run] = None
-        while len(self._over) > _OVER:
-            del self._over[next(iter(self._over))]
+            self._ended_runs[self.run] = None
+        while len(self._ended_runs) > _MAX_ENDED_RUNS:
+            del self._ended_runs[next(iter(self._ended_runs))]
         self.run = run
         self._states.clear()
         self._lag = MessageLag()
@@ -139,10 +139,10 @@ class CellWatch:
     @property
     def settled(self) -> bool:
         """Whether the cell has reported its description, the state of each axis, and its events."""
-        return self.informed and self.log.missing is None and not self.unheard
+        return self.informed and self.log.missing is None and not self.unreported
 
     @property
-    def unheard(self) -> tuple[str, ...]:
+    def unreported(self) -> tuple[str, ...]:
         """The axes that have reported no state in this run of the bridge."""
         return tuple(axis for axis in self.axes if axis not in self._states)
 
@@ -151,24 +151,24 @@ class CellWatch:
     @property
     def axes(self) -> tuple[str, ...]:
         """The names of the axes; in the order of the cell file if that is known."""
-        told = tuple(axis.name for axis in self.info.axes) if self.info is not None else ()
-        return told or tuple(sorted(self._states))
+        names = tuple(axis.name for axis in self.info.axes) if self.info is not None else ()
+        return names or tuple(sorted(self._states))
 
     def axis_info(self, axis: str) -> AxisInfo | None:
         """Return the description of an axis in its cell file; None if it is not known."""
         axes = () if self.info is None else self.info.axes
         return next((each for each in axes if each.name == axis), None)
 
-    def seen(self, axis: str, now: float) -> LastAxisState | None:
+    def last_state(self, axis: str, now: float) -> LastAxisState | None:
         """Return the last state that an axis reported, None if it reported none in this run of its bridge."""
-        heard = self._states.get(axis)
-        if heard is None:
+        received = self._states.get(axis)
+        if received is None:
             return None
-        age = None if heard.state.age is None else heard.state.age + heard.late + (now - heard.at)
-        known = age is not None and age <= FRESH and heard.state.state != UNKNOWN
-        return LastAxisState(heard.state, age, self.alive and known)
+        age = None if received.state.age is None else received.state.age + received.late + (now - received.at)
+        known = age is not None and age <= FRESH and received.state.state != UNKNOWN
+        return LastAxisState(received.state, age, self.alive and known)
 
-    def rivals(self, now: float) -> bool:
+    def has_second_bridge(self, now: float) -> bool:
         """Whether two bridges have used this name for longer than the token of a killed bridge can last."""
         return len(self._bridges) > 1 and now - max(self._bridges.values()) > _MISSED
 
@@ -202,7 +202,7 @@ class CellWatch:
 # stores are lost; they are counted and reported. So is a missing event if more events than the log stores have come after it.
 
 
-KEPT = 500  # events of a cell
+MAX_EVENTS = 500  # events of a cell
 _JOINED = 50  # the number of earlier events that are requested
 
 
@@ -214,88 +214,92 @@ class EventLog:
 
     def __init__(self) -> None:
         self.lost = 0
-        self._before: deque[Event] = deque(maxlen=KEPT)
+        self._earlier: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._run = ""
         self._joined = False
-        self._sure = False  # whether the newest number is known
+        self._newest_known = False  # whether the newest number is known
         self._events: dict[int, Event] = {}
-        self._upto = 0  # every event up to this number is stored, lost, or older than the join
+        self._complete_to = 0  # every event up to this number is stored, lost, or older than the join
         self._newest = 0
 
     @property
     def events(self) -> list[Event]:
         """The stored events, oldest first."""
-        return [*self._before, *(self._events[number] for number in sorted(self._events))][-KEPT:]
+        return [*self._earlier, *(self._events[number] for number in sorted(self._events))][-MAX_EVENTS:]
 
     @property
     def missing(self) -> EventsAsk | None:
         """The request for the missing events; None if no event is missing."""
-        if not self._sure:
+        if not self._newest_known:
             return NEWEST if self._run else None
-        if self._upto >= self._newest:
+        if self._complete_to >= self._newest:
             return None
-        above = min((number for number in self._events if number > self._upto), default=self._newest + 1)
-        return EventsAsk(self._upto + 1, above - 1)
+        above = min(
+            (number for number in self._events if number > self._complete_to), default=self._newest + 1
+        )
+        return EventsAsk(self._complete_to + 1, above - 1)
 
     def begin(self, run: str) -> None:
         """Record that a new run of the bridge has begun, which counts from 1."""
         if run != self._run:
-            self._before.extend(self._events[number] for number in sorted(self._events))
-            self._run, self._events, self._upto, self._newest = run, {}, 0, 0
-            self._joined = self._sure = False
+            self._earlier.extend(self._events[number] for number in sorted(self._events))
+            self._run, self._events, self._complete_to, self._newest = run, {}, 0, 0
+            self._joined = self._newest_known = False
 
-    def doubt(self) -> None:
+    def require_check(self) -> None:
         """Note that the connection to the cell was interrupted: the range of stored events has to be requested again."""
-        self._sure = False
+        self._newest_known = False
 
-    def take(self, event: Event) -> bool:
+    def add(self, event: Event) -> bool:
         """Store an event of the present run; return whether it is new."""
-        if event.n <= self._upto or event.n in self._events:
+        if event.n <= self._complete_to or event.n in self._events:
             return False
         self._events[event.n] = event
         self._newest = max(self._newest, event.n)
         self._settle()
         return True
 
-    def answered(self, ask: EventsAsk, answer: EventsAnswer) -> None:
+    def answered(self, request: EventsAsk, answer: EventsAnswer) -> None:
         """Process the answer to a request; a requested event that is not in it is lost."""
         if answer.bridge != self._run:
             return
-        self._sure = True
+        self._newest_known = True
         if not self._joined:
             self._joined = True
-            self._upto = max(self._upto, min(answer.newest, self._first()) - 1 - _JOINED)
+            self._complete_to = max(self._complete_to, min(answer.newest, self._first()) - 1 - _JOINED)
         for event in answer.events:
-            self.take(event)
+            self.add(event)
         self._newest = max(self._newest, answer.newest)
-        if ask is not NEWEST:
-            self._give_up(ask, answer)
+        if request is not NEWEST:
+            self._count_lost(request, answer)
         self._settle()
 
     def _first(self) -> int:
         return min(self._events, default=1 << 53)
 
-    def _give_up(self, ask: EventsAsk, answer: EventsAnswer) -> None:
+    def _count_lost(self, request: EventsAsk, answer: EventsAnswer) -> None:
         """Count events as lost that are older than all stored ones, or that were requested and are not in the answer."""
-        last = self._newest if ask.last is None else ask.last
+        last = self._newest if request.last is None else request.last
         given = max((event.n for event in answer.events), default=last)
-        upto = min(last, given)
-        if ask.first != self._upto + 1 or upto < ask.first:
+        end = min(last, given)
+        if request.first != self._complete_to + 1 or end < request.first:
             return
-        self._pass_over(upto)
+        self._skip_missing(end)
 
-    def _pass_over(self, upto: int) -> None:
+    def _skip_missing(self, end: int) -> None:
         """Stop waiting for the missing events up to this number; they are lost, unless they are older than the join."""
         if self._joined:
-            self.lost += upto - self._upto - sum(self._upto < number <= upto for number in self._events)
-        self._upto = upto
+            self.lost += (
+                end - self._complete_to - sum(self._complete_to < number <= end for number in self._events)
+            )
+        self._complete_to = end
 
     def _settle(self) -> None:
         """Advance past the events that are stored, and delete all but the newest, even if older ones are still missing."""
-        old = sorted(self._events)[:-KEPT]
-        if old and old[-1] > self._upto:
-            self._pass_over(old[-1])
+        old = sorted(self._events)[:-MAX_EVENTS]
+        if old and old[-1] > self._complete_to:
+            self._skip_missing(old[-1])
         for number in old:
             del self._events[number]
-        while self._upto + 1 in self._events:
-            self._upto += 1
+        while self._complete_to + 1 in self._events:
+            self._complete_to += 1

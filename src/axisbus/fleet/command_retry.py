@@ -19,9 +19,9 @@ from axisbus.ipc.errors import ErrorFields, from_fields
 from axisbus.motion.command_status import Status, end_as
 
 SILENCE = 10.0  # seconds without an answer to a command after which a cell that is alive counts as failed
-_AGAIN = 0.1  # seconds until a command without an answer is sent again
-_GOES_ON = 0.02  # seconds until a command that was answered "running" is sent again
-_LOOK = "it is not known whether the axis moved: check its state and position"
+_RETRY_DELAY = 0.1  # seconds until a command without an answer is sent again
+_RUNNING_DELAY = 0.02  # seconds until a command that was answered "running" is sent again
+_UNKNOWN_REMEDY = "it is not known whether the axis moved: check its state and position"
 
 
 class Situation(NamedTuple):
@@ -33,10 +33,10 @@ class Situation(NamedTuple):
     leased: bool
 
 
-class Again(NamedTuple):
+class SendAgain(NamedTuple):
     """Send the command again after this number of seconds."""
 
-    after: float
+    delay: float
 
 
 class CommandEnd(NamedTuple):
@@ -52,16 +52,16 @@ class CommandRetry:
     """One running command. ``once``: it must not arrive late, so it is never sent again."""
 
     name: str
-    begun: float
+    started: float
     run: str
     once: bool = False
     needs_lease: bool = True
     active: bool = False
 
     def __post_init__(self) -> None:
-        self._heard = self.begun
+        self._last_answer = self.started
 
-    def answered(self, answer: CommandAnswer, now: float) -> Again | CommandEnd:
+    def answered(self, answer: CommandAnswer, now: float) -> SendAgain | CommandEnd:
         """Return the next step after an answer."""
         if answer.status == "done":
             return CommandEnd(Status.DONE, None, answer.note)
@@ -72,34 +72,34 @@ class CommandRetry:
             return CommandEnd(
                 Status.DONE, None, answer.note
             )  # it was accepted; sending it again would be another press
-        self.active, self._heard = True, now
-        return Again(_GOES_ON)
+        self.active, self._last_answer = True, now
+        return SendAgain(_RUNNING_DELAY)
 
-    def unanswered(self, seen: Situation) -> Again | CommandEnd:
+    def unanswered(self, situation: Situation) -> SendAgain | CommandEnd:
         """Return the next step after a query without an answer."""
-        why = self._given_up(seen)
-        return Again(_AGAIN) if why is None else CommandEnd(Status.ERROR, self._unknown(why))
+        why = self._why_ended(situation)
+        return SendAgain(_RETRY_DELAY) if why is None else CommandEnd(Status.ERROR, self._unknown(why))
 
     def closed(self) -> CommandEnd:
         """Return the end of the command when this program closes its fleet."""
         return CommandEnd(Status.ERROR, self._unknown("this program has closed its fleet while it ran"))
 
-    def _given_up(self, seen: Situation) -> str | None:
+    def _why_ended(self, situation: Situation) -> str | None:
         """Return why the command is not sent again; None if it is sent again."""
-        if not seen.alive:
+        if not situation.alive:
             return "the cell is gone"
-        if self.run and seen.run != self.run:
+        if self.run and situation.run != self.run:
             return "the bridge of the cell has restarted meanwhile, and does not know the command"
         if self.once:
             return "the cell did not answer; the command is not sent again, because it must not arrive late"
-        if self.needs_lease and not seen.leased:
+        if self.needs_lease and not situation.leased:
             return "the lease is lost and the cell did not answer; it halts the axes that were moved under the lease"
-        if seen.now - self._heard > SILENCE:
+        if situation.now - self._last_answer > SILENCE:
             return f"the cell is alive but did not answer for {SILENCE:g} s"
         return None
 
     def _unknown(self, why: str) -> CommandError:
-        return CommandError(f"{self.name}: its result is not known", observed=why, remedy=_LOOK)
+        return CommandError(f"{self.name}: its result is not known", observed=why, remedy=_UNKNOWN_REMEDY)
 
 
 def error_of(fields: ErrorFields | None, what: str) -> AxisbusError:

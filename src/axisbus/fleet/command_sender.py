@@ -14,7 +14,7 @@ import msgspec
 
 from axisbus.core.waiting import ThreadWaiter
 from axisbus.errors import AxisbusError, StateError
-from axisbus.fleet.command_retry import Again, CommandEnd, CommandRetry
+from axisbus.fleet.command_retry import CommandEnd, CommandRetry, SendAgain
 from axisbus.fleet.event_loop import EventLoopThread
 from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk, Value, read
@@ -33,17 +33,19 @@ _STOPS = 64  # the number of stops whose axes are remembered
 class CommandSender:
     """Send commands to cells and hold the running ones. Any thread may use it."""
 
-    def __init__(self, hearing: FleetSubscriptions, asking: ZenohClient, worker: EventLoopThread) -> None:
+    def __init__(
+        self, subscriptions: FleetSubscriptions, zenoh_client: ZenohClient, worker: EventLoopThread
+    ) -> None:
         self.client = uuid.uuid4().hex
         self.waiter = ThreadWaiter()
         self.waiter.callback_thread = worker.thread  # a callback that waited there would wait for itself
-        self._hearing, self._asking, self._worker = hearing, asking, worker
+        self._subscriptions, self._zenoh_client, self._worker = subscriptions, zenoh_client, worker
         self._ids = itertools.count(1)
         self._lock = threading.Lock()  # ids are sent in ascending order
-        self._under_way: set[_Sent] = set()
+        self._running: set[_Sent] = set()
         self._tokens: dict[str, str] = {}
         self._stops: dict[str, deque[tuple[int, tuple[str, ...]]]] = {}  # newest stops: ids and axes
-        hearing.on_gone = self._gone
+        subscriptions.on_cell_lost = self._cell_lost
 
     def lease(self, cell: str, token: str | None) -> None:
         """Set the token for the commands to a cell; None: the cell has no token any more."""
@@ -60,7 +62,7 @@ class CommandSender:
         """Whether there is a token for a cell."""
         return cell in self._tokens
 
-    def give(
+    def send(
         self,
         cell: str,
         verb: str,
@@ -73,93 +75,99 @@ class CommandSender:
     ) -> Handle:
         """Send a command and return its handle; does not block. ``once``: it must not arrive late; ``stops``: it needs no lease."""
         handle = Handle(name, self.waiter)
-        seen = self._hearing.situation(cell, True)
-        if not stops and not seen.alive:
-            self._end(handle, CommandEnd(Status.ERROR, _not_there(name)))
+        state = self._subscriptions.situation(cell, True)
+        if not stops and not state.alive:
+            self._end(handle, CommandEnd(Status.ERROR, _no_cell_error(name)))
             return handle
-        order = CommandRetry(name, seen.now, seen.run, once=once, needs_lease=not stops)
+        retry = CommandRetry(name, state.now, state.run, once=once, needs_lease=not stops)
         with self._lock:
-            ask = CommandAsk(self.client, next(self._ids), self._tokens.get(cell, ""), axes, dict(values))
-            sent = _Sent(cell, ZenohCellKeys(self._hearing.plant, cell).command(verb), ask, order, handle)
-            self._under_way.add(sent)
+            request = CommandAsk(self.client, next(self._ids), self._tokens.get(cell, ""), axes, dict(values))
+            sent = _Sent(
+                cell, ZenohCellKeys(self._subscriptions.plant, cell).command(verb), request, retry, handle
+            )
+            self._running.add(sent)
             if stops:
-                self._stops.setdefault(cell, deque(maxlen=_STOPS)).append((ask.id, axes))
-            self._ask(sent)
+                self._stops.setdefault(cell, deque(maxlen=_STOPS)).append((request.id, axes))
+            self._query(sent)
         return handle
 
     def end(self) -> None:
         """Send no more queries: every running command ends with the result unknown."""
-        for sent in list(self._under_way):
-            self._go_on(sent, sent.order.closed())
+        for sent in list(self._running):
+            self._continue(sent, sent.retry.closed())
 
-    def _ask(self, sent: _Sent) -> None:
+    def _query(self, sent: _Sent) -> None:
         if sent.handle.busy:
-            timeout = _TIMEOUT_ONCE if sent.order.once else _TIMEOUT
-            self._asking.begin(
+            timeout = _TIMEOUT_ONCE if sent.retry.once else _TIMEOUT
+            self._zenoh_client.begin(
                 sent.key,
-                msgspec.json.encode(sent.ask),
+                msgspec.json.encode(sent.request),
                 timeout,
-                lambda answer: self._worker.soon(partial(self._heard, sent, answer)),
-                everybody=not sent.order.needs_lease,
+                lambda answer: self._worker.call_soon(partial(self._on_answer, sent, answer)),
+                to_all_peers=not sent.retry.needs_lease,
             )
 
-    def _heard(self, sent: _Sent, payload: bytes | None) -> None:
+    def _on_answer(self, sent: _Sent, payload: bytes | None) -> None:
         """Handle the end of a query, with or without an answer."""
         answer = read(payload, CommandAnswer)  # an invalid answer counts as missing
         if answer is None:
-            self._go_on(
-                sent, sent.order.unanswered(self._hearing.situation(sent.cell, self.leased(sent.cell)))
+            self._continue(
+                sent, sent.retry.unanswered(self._subscriptions.situation(sent.cell, self.leased(sent.cell)))
             )
             return
         if self._overtaken(sent, answer):
-            self._send_anew(sent)
+            self._resend(sent)
             return
-        self._go_on(sent, sent.order.answered(answer, time.monotonic()))
-        if sent.order.active:
+        self._continue(sent, sent.retry.answered(answer, time.monotonic()))
+        if sent.retry.active:
             sent.handle._on_event(CommandEvent(0, Status.ACTIVE, None, ""))
 
     def _overtaken(self, sent: _Sent, answer: CommandAnswer) -> bool:
         """Return whether a command was rejected only because a later stop of other axes, sent by this program, overtook it."""
         error = answer.error
-        if error is None or TOO_LATE not in str(error.fields.get("message")) or sent.order.once:
+        if error is None or TOO_LATE not in str(error.fields.get("message")) or sent.retry.once:
             return False
-        later = [axes for number, axes in self._stops.get(sent.cell, ()) if number > sent.ask.id]
-        prompt = time.monotonic() - sent.order.begun < _PROMPT
-        return prompt and bool(later) and all(axes and not set(axes) & set(sent.ask.axes) for axes in later)
+        later_stops = [axes for number, axes in self._stops.get(sent.cell, ()) if number > sent.request.id]
+        prompt = time.monotonic() - sent.retry.started < _PROMPT
+        return (
+            prompt
+            and bool(later_stops)
+            and all(axes and not set(axes) & set(sent.request.axes) for axes in later_stops)
+        )
 
-    def _send_anew(self, sent: _Sent) -> None:
+    def _resend(self, sent: _Sent) -> None:
         with self._lock:
             token = self._tokens.get(sent.cell, "")
-            sent.ask = msgspec.structs.replace(sent.ask, id=next(self._ids), token=token)
-            self._ask(sent)
+            sent.request = msgspec.structs.replace(sent.request, id=next(self._ids), token=token)
+            self._query(sent)
 
-    def _go_on(self, sent: _Sent, what: Again | CommandEnd) -> None:
-        if isinstance(what, Again):
-            self._worker.later(what.after, partial(self._ask, sent))
+    def _continue(self, sent: _Sent, what: SendAgain | CommandEnd) -> None:
+        if isinstance(what, SendAgain):
+            self._worker.call_later(what.delay, partial(self._query, sent))
             return
-        self._under_way.discard(sent)
+        self._running.discard(sent)
         self._end(sent.handle, what)
 
     def _end(self, handle: Handle, end: CommandEnd) -> None:
         handle._on_event(CommandEvent(0, end.status, end.error, end.note))
         self.waiter.notify()
 
-    def _gone(self, cell: str) -> None:
+    def _cell_lost(self, cell: str) -> None:
         """Handle the loss of a cell: end its commands without waiting for their time-outs."""
-        seen = self._hearing.situation(cell, self.leased(cell))
-        for sent in list(self._under_way):
-            if sent.cell == cell and not seen.alive:
-                self._go_on(sent, sent.order.unanswered(seen))
+        state = self._subscriptions.situation(cell, self.leased(cell))
+        for sent in list(self._running):
+            if sent.cell == cell and not state.alive:
+                self._continue(sent, sent.retry.unanswered(state))
 
 
 class _Sent:
     """One running command: its request, its key, and its handle."""
 
-    def __init__(self, cell: str, key: str, ask: CommandAsk, order: CommandRetry, handle: Handle) -> None:
-        self.cell, self.key, self.ask, self.order, self.handle = cell, key, ask, order, handle
+    def __init__(self, cell: str, key: str, request: CommandAsk, retry: CommandRetry, handle: Handle) -> None:
+        self.cell, self.key, self.request, self.retry, self.handle = cell, key, request, retry, handle
 
 
-def _not_there(name: str) -> AxisbusError:
+def _no_cell_error(name: str) -> AxisbusError:
     return StateError(
         f"{name}: the cell is not on the network; nothing was sent",
         remedy="check that its bridge runs and that this program reaches it (axisbus fleet list)",

@@ -28,15 +28,15 @@ class EventLoopThread:
         """Its thread."""
         return self._thread
 
-    def soon(self, do: Callable[[], None]) -> None:
-        """Call ``do`` after the calls that are already due; after the end nothing is called any more."""
-        self.later(0.0, do)
+    def call_soon(self, callback: Callable[[], None]) -> None:
+        """Call ``callback`` after the calls that are already due; after the end nothing is called any more."""
+        self.call_later(0.0, callback)
 
-    def later(self, seconds: float, do: Callable[[], None]) -> None:
-        """Call ``do`` after this number of seconds."""
+    def call_later(self, seconds: float, callback: Callable[[], None]) -> None:
+        """Call ``callback`` after this number of seconds."""
         with self._condition:
             if not self._ended:
-                heapq.heappush(self._due, (time.monotonic() + seconds, next(self._numbers), do))
+                heapq.heappush(self._due, (time.monotonic() + seconds, next(self._numbers), callback))
                 self._condition.notify()
 
     def end(self) -> None:
@@ -48,9 +48,9 @@ class EventLoopThread:
             self._thread.join(1.0)
 
     def _run(self) -> None:
-        while (do := self._next()) is not None:
+        while (callback := self._next()) is not None:
             try:
-                do()
+                callback()
             except Exception:
                 log.exception("an internal step of a fleet failed")
 

@@ -15,7 +15,7 @@ from types import TracebackType
 
 from axisbus.errors import StateError
 from axisbus.fleet import network
-from axisbus.fleet.cell import FleetCell, Ways
+from axisbus.fleet.cell import FleetCell, FleetServices
 from axisbus.fleet.command_sender import CommandSender
 from axisbus.fleet.event_loop import EventLoopThread
 from axisbus.fleet.keys import ZenohCellKeys, named
@@ -25,8 +25,8 @@ from axisbus.fleet.subscriptions import FleetSubscriptions
 from axisbus.fleet.zenoh_client import ZenohClient
 from axisbus.machine.handle import Handle
 
-_LOOK = 1.0  # seconds for which opening waits for the cells that are present
-_COMING = 1.5  # the same if cells connect to this program: they try once a second
+_SEARCH_TIME = 1.0  # seconds for which opening waits for the cells that are present
+_LISTENING_SEARCH_TIME = 1.5  # the same if cells connect to this program: they try once a second
 _STEP = 0.02
 
 
@@ -62,18 +62,22 @@ class Fleet:
         """
         self.plant = named("the plant", plant)
         file = None if config is None else Path(config)
-        way = ZenohNetwork(tuple(connect), tuple(listen), scouting, file)
-        self._asking = ZenohClient(network.opened(way))
-        self._connect = network.far_ends(way)
+        options = ZenohNetwork(tuple(connect), tuple(listen), scouting, file)
+        self._zenoh_client = ZenohClient(network.opened(options))
+        self._connect = network.far_ends(options)
         self._worker = EventLoopThread("axisbus fleet")
-        self._hearing = FleetSubscriptions(plant, self._asking, self._worker)
-        self._sending = CommandSender(self._hearing, self._asking, self._worker)
-        self._leases = Leases(who or _who(), self._hearing, self._asking, self._worker, self._sending)
+        self._subscriptions = FleetSubscriptions(plant, self._zenoh_client, self._worker)
+        self._sender = CommandSender(self._subscriptions, self._zenoh_client, self._worker)
+        self._leases = Leases(
+            who or _program_name(), self._subscriptions, self._zenoh_client, self._worker, self._sender
+        )
         self._cells: dict[str, FleetCell] = {}
         self._forget = ENDING.add(self.close)
-        self._hearing.begin()
-        comes = bool(listen or scouting)  # the number of cells is unknown
-        self._first_look((_COMING if comes else _LOOK) if look is None else look, comes)
+        self._subscriptions.begin()
+        may_connect = bool(listen or scouting)  # the number of cells is unknown
+        self._await_cells(
+            (_LISTENING_SEARCH_TIME if may_connect else _SEARCH_TIME) if look is None else look, may_connect
+        )
 
     def __enter__(self) -> Fleet:
         return self
@@ -87,13 +91,13 @@ class Fleet:
         return f"<Fleet {self.plant}: {', '.join(map(repr, self)) or 'no cells'}>"
 
     def __iter__(self) -> Iterator[FleetCell]:
-        return iter([self._cell(name) for name in self._hearing.names])
+        return iter([self._cell(name) for name in self._subscriptions.names])
 
     def __len__(self) -> int:
-        return len(self._hearing.names)
+        return len(self._subscriptions.names)
 
     def __contains__(self, cell: object) -> bool:
-        return isinstance(cell, str) and self._hearing.has(cell)
+        return isinstance(cell, str) and self._subscriptions.has(cell)
 
     def __getitem__(self, cell: str) -> FleetCell:
         """Return the cell of this name, even if it has disappeared since.
@@ -101,8 +105,8 @@ class Fleet:
         Raises:
             StateError: no cell of this name has been heard.
         """
-        if not self._hearing.has(cell):
-            names = self._hearing.names
+        if not self._subscriptions.has(cell):
+            names = self._subscriptions.names
             raise StateError(
                 f"plant {self.plant}: cell {cell!r} was not found",
                 observed=f"there are {', '.join(names)}" if names else "no cell was found",
@@ -118,12 +122,12 @@ class Fleet:
     @property
     def unreachable_endpoints(self) -> list[str]:
         """The endpoints of ``connect``, or else of ``config``, without a connection now: the cells behind them are unknown."""
-        return unreached(self._connect, self._asking.links)
+        return unreached(self._connect, self._zenoh_client.links)
 
     @property
     def invalid_messages(self) -> int:
         """The number of invalid messages received under the plant's keys."""
-        return self._hearing.junk
+        return self._subscriptions.invalid_count
 
     def wait_for(self, *cells: str, timeout: float = 10.0) -> list[FleetCell]:
         """Block until these cells are alive and have reported their state, at most ``timeout`` seconds; return them.
@@ -132,7 +136,7 @@ class Fleet:
             TimeoutError: a cell is not there in time.
         """
         end = time.monotonic() + timeout
-        while missing := [name for name in cells if not self._is_here(name)]:
+        while missing := [name for name in cells if not self._is_settled(name)]:
             if time.monotonic() > end:
                 raise TimeoutError(f"{', '.join(missing)}: not found within {timeout:g} s")
             time.sleep(_STEP)
@@ -162,30 +166,35 @@ class Fleet:
         """
         self._forget()
         self._leases.end()
-        self._hearing.end()
-        self._sending.end()
+        self._subscriptions.end()
+        self._sender.end()
         self._worker.end()
-        self._asking.close()
+        self._zenoh_client.close()
 
     def _cell(self, name: str) -> FleetCell:
-        ways = Ways(self._asking, self._hearing, self._sending, self._leases)
-        return self._cells.setdefault(name, FleetCell(name, ways))
+        services = FleetServices(self._zenoh_client, self._subscriptions, self._sender, self._leases)
+        return self._cells.setdefault(name, FleetCell(name, services))
 
-    def _is_here(self, name: str) -> bool:
-        return self._hearing.settled([name]) and self._cell(name).alive
+    def _is_settled(self, name: str) -> bool:
+        return self._subscriptions.settled([name]) and self._cell(name).alive
 
-    def _first_look(self, seconds: float, comes: bool) -> None:
-        """Wait until the present cells have reported their description; ``comes``: more cells may connect to this program."""
+    def _await_cells(self, seconds: float, may_connect: bool) -> None:
+        """Wait until the present cells have reported their description; ``may_connect``: more cells may connect to this program."""
         end = time.monotonic() + seconds
-        every = ZenohCellKeys.of_all(self.plant).alive
-        while (left := end - time.monotonic()) > 0:
-            found = [key.split("/")[2] for key in self._asking.tokens(every, left)]
-            if not comes and not self.unreachable_endpoints and found and self._hearing.settled(found):
+        alive_keys = ZenohCellKeys.of_all(self.plant).alive
+        while (remaining := end - time.monotonic()) > 0:
+            found = [key.split("/")[2] for key in self._zenoh_client.tokens(alive_keys, remaining)]
+            if (
+                not may_connect
+                and not self.unreachable_endpoints
+                and found
+                and self._subscriptions.settled(found)
+            ):
                 return
             time.sleep(_STEP)
 
 
-def _who() -> str:
+def _program_name() -> str:
     """Return the name of this program, for people at the cell."""
     try:
         user = getpass.getuser()
@@ -202,26 +211,26 @@ def unreached(endpoints: Sequence[str], links: Iterable[str]) -> list[str]:
 
     An endpoint given by host name counts as reached if there is a link to its port that belongs to no other endpoint.
     """
-    there = {_place(link) for link in links}
-    left = there - {_place(endpoint) for endpoint in endpoints}
+    linked = {_plain_endpoint(link) for link in links}
+    unused = linked - {_plain_endpoint(endpoint) for endpoint in endpoints}
     missing = []
     for endpoint in endpoints:
-        place = _place(endpoint)
-        by_name = None if place in there or not _is_name(place) else _same_port(place, left)
+        plain = _plain_endpoint(endpoint)
+        by_name = None if plain in linked or not _is_name(plain) else _same_port(plain, unused)
         if by_name is not None:
-            left.discard(by_name)
-        elif place not in there:
+            unused.discard(by_name)
+        elif plain not in linked:
             missing.append(endpoint)
     return missing
 
 
-def _place(endpoint: str) -> str:
+def _plain_endpoint(endpoint: str) -> str:
     """Return an endpoint without the metadata and configuration after its address."""
     return endpoint.partition("?")[0].partition("#")[0]
 
 
-def _is_name(place: str) -> bool:
-    host = place.partition("/")[2].rpartition(":")[0].strip("[]")
+def _is_name(plain: str) -> bool:
+    host = plain.partition("/")[2].rpartition(":")[0].strip("[]")
     try:
         ipaddress.ip_address(host)
     except ValueError:
@@ -229,8 +238,8 @@ def _is_name(place: str) -> bool:
     return False
 
 
-def _same_port(place: str, links: Iterable[str]) -> str | None:
-    protocol, _, address = place.partition("/")
+def _same_port(plain: str, links: Iterable[str]) -> str | None:
+    protocol, _, address = plain.partition("/")
     port = address.rpartition(":")[2]
     return next(
         (

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 
 _TIMEOUT = 2.0  # seconds for an answer
-_HANDS = 5.0  # seconds within which a lease changes its holder: moving axes halt first
-_OURS = 1.5  # seconds after the local end of a lease within which it has ended at the cell as well, with the transmission
+_HANDOVER_TIME = 5.0  # seconds within which a lease changes its holder: moving axes halt first
+_OWN_END_MARGIN = 1.5  # seconds after the local end of a lease within which it has ended at the cell as well, with the transmission
 _AGAIN = 0.1
 _RELEASED = 1.0  # seconds for the answer to a release; without an answer the lease expires
 _TICK = 0.02  # seconds, the shortest time between two checks for a due renewal
@@ -36,67 +36,69 @@ class Leases:
 
     def __init__(
         self,
-        who: str,
-        hearing: FleetSubscriptions,
-        asking: ZenohClient,
+        client_name: str,
+        subscriptions: FleetSubscriptions,
+        zenoh_client: ZenohClient,
         worker: EventLoopThread,
-        sending: CommandSender,
+        sender: CommandSender,
     ) -> None:
-        """``who``: the name of this program, for people."""
-        self._who, self._hearing, self._sending = who, hearing, sending
-        self._asking, self._worker = asking, worker
-        self._kept: dict[str, LeaseKeeper] = {}
+        """``client_name``: the name of this program, for people."""
+        self._client_name, self._subscriptions, self._sender = client_name, subscriptions, sender
+        self._zenoh_client, self._worker = zenoh_client, worker
+        self._held_leases: dict[str, HeldLease] = {}
 
     def holder(self, cell: str) -> str | None:
         """Return the name of the client that has control of a cell, None if no client has it; blocks for at most 2 s."""
-        return self._ask(cell, self._lease_ask("look"), _TIMEOUT).holder
+        return self._query(cell, self._lease_request("look"), _TIMEOUT).holder
 
-    def take(self, cell: str, over: bool) -> LeaseKeeper:
+    def take(self, cell: str, over: bool) -> HeldLease:
         """Take a lease, and renew it from now on; usually blocks briefly, for at most 7 s."""
-        held = self._kept.get(cell)
-        if held is not None and not held.lost(time.monotonic()):
+        previous = self._held_leases.get(cell)
+        if previous is not None and not previous.lost(time.monotonic()):
             raise StateError(
                 f"{cell}: this program already has control", remedy="use the lease that it already has"
             )
-        ours = -math.inf if held is None else held.until + _OURS
-        keeper = self._taken(cell, over, ours)
-        self._kept[cell] = keeper
-        self._sending.lease(cell, keeper.token)
-        self._worker.soon(partial(self._keep, cell, keeper))
-        return keeper
+        own_until = -math.inf if previous is None else previous.until + _OWN_END_MARGIN
+        lease = self._requested(cell, over, own_until)
+        self._held_leases[cell] = lease
+        self._sender.lease(cell, lease.token)
+        self._worker.call_soon(partial(self._renew_if_due, cell, lease))
+        return lease
 
-    def _taken(self, cell: str, over: bool, ours: float) -> LeaseKeeper:
+    def _requested(self, cell: str, over: bool, own_until: float) -> HeldLease:
         """Request a lease until it is granted or finally refused: while it changes its holder, no client has it for a moment.
 
-        ``ours``: the time until which the cell may still list this program as the holder, although it has lost the lease here.
+        ``own_until``: the time until which the cell may still list this program as the holder, although it has lost the lease here.
         """
-        end = time.monotonic() + _HANDS
+        end = time.monotonic() + _HANDOVER_TIME
         while True:
-            asked = time.monotonic()
-            answer = self._ask(cell, self._lease_ask("take", over=over), _TIMEOUT)
+            requested_at = time.monotonic()
+            answer = self._query(cell, self._lease_request("take", over=over), _TIMEOUT)
             if answer.token:
-                return LeaseKeeper(answer.token, answer.seconds, asked)
-            final = asked > end or (answer.holder is not None and asked > ours)
+                return HeldLease(answer.token, answer.seconds, requested_at)
+            final = requested_at > end or (answer.holder is not None and requested_at > own_until)
             if answer.refused is not None and final:
                 raise error_of(answer.refused, f"{cell}.command()")
-            if asked > end:
+            if requested_at > end:
                 raise no_answer(f"{cell}: its lease")
             time.sleep(_AGAIN)
 
-    def release(self, cell: str, keeper: LeaseKeeper) -> None:
+    def release(self, cell: str, lease: HeldLease) -> None:
         """Release a lease; blocks for at most 1 s. Harmless if it is lost."""
-        if self._kept.get(cell) is keeper:
-            del self._kept[cell]
-            self._sending.lease(cell, None)
-        if keeper.why is None:
-            keeper.refuse(OwnershipError(f"{cell}: this program has released control"))
-            if self._hearing.situation(cell, False).alive:
-                self._asking.ask(self._key(cell), self._lease_ask("release", keeper.token), _RELEASED)
+        if self._held_leases.get(cell) is lease:
+            del self._held_leases[cell]
+            self._sender.lease(cell, None)
+        if lease.why is None:
+            lease.refuse(OwnershipError(f"{cell}: this program has released control"))
+            if self._subscriptions.situation(cell, False).alive:
+                self._zenoh_client.query(
+                    self._key(cell), self._lease_request("release", lease.token), _RELEASED
+                )
 
     def end(self) -> None:
         """Release all leases; blocks for at most 1 s for each."""
-        for cell, keeper in list(self._kept.items()):
-            self.release(cell, keeper)
+        for cell, lease in list(self._held_leases.items()):
+            self.release(cell, lease)
 
     def require(self, cell: str, name: str) -> None:
         """Check that this program has control of a cell.
@@ -104,58 +106,58 @@ class Leases:
         Raises:
             OwnershipError: the program has not taken control, or has lost it.
         """
-        keeper = self._kept.get(cell)
-        if keeper is None:
+        lease = self._held_leases.get(cell)
+        if lease is None:
             raise OwnershipError(
                 f"{name}: this program does not have control of {cell}; nothing was sent",
                 remedy=f'take control: with fleet["{cell}"].command(): ...',
             )
-        if keeper.lost(time.monotonic()):
+        if lease.lost(time.monotonic()):
             raise OwnershipError(
                 f"{name}: this program has lost control of {cell}; nothing was sent",
-                observed="" if keeper.why is None else keeper.why.message,
+                observed="" if lease.why is None else lease.why.message,
                 remedy="check the state of its axes, then take control again",
             )
 
-    def _keep(self, cell: str, keeper: LeaseKeeper) -> None:
+    def _renew_if_due(self, cell: str, lease: HeldLease) -> None:
         """Renew a lease if it is due, and schedule the next check."""
         now = time.monotonic()
-        if self._kept.get(cell) is not keeper:
+        if self._held_leases.get(cell) is not lease:
             return
-        if keeper.lost(now):
-            keeper.refuse(OwnershipError(f"{cell}: the lease was not renewed in time"))
-            self._sending.lease(cell, None)
+        if lease.lost(now):
+            lease.refuse(OwnershipError(f"{cell}: the lease was not renewed in time"))
+            self._sender.lease(cell, None)
             return
-        if keeper.due(now):
-            heard = partial(self._renewed, cell, keeper, now)
-            payload = self._lease_ask("renew", keeper.token)
-            self._asking.begin(self._key(cell), payload, keeper.left(now), heard)
-        self._worker.later(
-            max(_TICK, min(keeper.next - now, keeper.left(now))), partial(self._keep, cell, keeper)
+        if lease.due(now):
+            on_answer = partial(self._renewed, cell, lease, now)
+            payload = self._lease_request("renew", lease.token)
+            self._zenoh_client.begin(self._key(cell), payload, lease.remaining(now), on_answer)
+        self._worker.call_later(
+            max(_TICK, min(lease.next - now, lease.remaining(now))), partial(self._renew_if_due, cell, lease)
         )
 
-    def _renewed(self, cell: str, keeper: LeaseKeeper, asked: float, payload: bytes | None) -> None:
+    def _renewed(self, cell: str, lease: HeldLease, requested_at: float, payload: bytes | None) -> None:
         answer = read(payload, LeaseAnswer)
         if answer is None:
             return
         if answer.refused is None:
-            keeper.renewed(answer.seconds, asked)
-        elif self._kept.get(cell) is keeper:
-            keeper.refuse(error_of(answer.refused, cell))
-            self._sending.lease(cell, None)
+            lease.renewed(answer.seconds, requested_at)
+        elif self._held_leases.get(cell) is lease:
+            lease.refuse(error_of(answer.refused, cell))
+            self._sender.lease(cell, None)
 
-    def _ask(self, cell: str, payload: bytes, timeout: float) -> LeaseAnswer:
-        answer = read(self._asking.ask(self._key(cell), payload, timeout), LeaseAnswer)
+    def _query(self, cell: str, payload: bytes, timeout: float) -> LeaseAnswer:
+        answer = read(self._zenoh_client.query(self._key(cell), payload, timeout), LeaseAnswer)
         if answer is None:
             raise no_answer(f"{cell}: its lease")
         return answer
 
     def _key(self, cell: str) -> str:
-        return ZenohCellKeys(self._hearing.plant, cell).lease
+        return ZenohCellKeys(self._subscriptions.plant, cell).lease
 
-    def _lease_ask(self, verb: str, token: str = "", over: bool = False) -> bytes:
-        ask = LeaseAsk(verb, self._sending.client, self._who, token, over)  # type: ignore[arg-type]  # one of its words
-        return msgspec.json.encode(ask)
+    def _lease_request(self, verb: str, token: str = "", over: bool = False) -> bytes:
+        request = LeaseAsk(verb, self._sender.client, self._client_name, token, over)  # type: ignore[arg-type]  # one of its words
+        return msgspec.json.encode(request)
 
 
 class CellControl(Generic[_Cell]):
@@ -163,22 +165,22 @@ class CellControl(Generic[_Cell]):
 
     def __init__(self, cell: _Cell, name: str, leases: Leases, over: bool) -> None:
         self._cell, self._name, self._leases, self._over = cell, name, leases, over
-        self._keeper: LeaseKeeper | None = None
+        self._lease: HeldLease | None = None
 
     def __enter__(self) -> _Cell:
-        self._keeper = self._leases.take(self._name, self._over)
+        self._lease = self._leases.take(self._name, self._over)
         return self._cell
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._keeper is not None:
-            self._leases.release(self._name, self._keeper)
+        if self._lease is not None:
+            self._leases.release(self._name, self._lease)
 
     @property
     def lost(self) -> AxisbusError | None:
         """Why control is lost; None while this program has it."""
-        return None if self._keeper is None else self._keeper.why
+        return None if self._lease is None else self._lease.why
 
 
 def no_answer(what: str) -> StateError:
@@ -199,16 +201,16 @@ _RENEWED = 0.25  # fraction of the lease's time after which it is renewed
 _LONGEST = 60.0  # s, the longest lease that is accepted; a larger number would overflow a wait
 
 
-class LeaseKeeper:
+class HeldLease:
     """Track one lease. It counts from the request, not from the answer, so it ends here before it ends at the cell."""
 
-    def __init__(self, token: str, seconds: float, asked: float) -> None:
-        """``asked``: the time of the request."""
+    def __init__(self, token: str, seconds: float, requested_at: float) -> None:
+        """``requested_at``: the time of the request."""
         self.token = token
         self.why: AxisbusError | None = None
         self._seconds = min(seconds, _LONGEST)
-        self._until = asked + self._seconds
-        self._next = asked + self._seconds * _RENEWED
+        self._until = requested_at + self._seconds
+        self._next = requested_at + self._seconds * _RENEWED
 
     def due(self, now: float) -> bool:
         """Return whether the lease has to be renewed now; if so, set the time of the next attempt."""
@@ -227,22 +229,22 @@ class LeaseKeeper:
         """The time until which the lease is or was valid, unless it was refused before."""
         return self._until
 
-    def renewed(self, seconds: float, asked: float) -> None:
-        """Note that a renewal requested at ``asked`` was granted; a late answer never shortens the lease."""
+    def renewed(self, seconds: float, requested_at: float) -> None:
+        """Note that a renewal requested at ``requested_at`` was granted; a late answer never shortens the lease."""
         seconds = min(seconds, _LONGEST)
-        if self.why is None and asked + seconds > self._until:
+        if self.why is None and requested_at + seconds > self._until:
             self._seconds = seconds
-            self._until = asked + seconds
-            self._next = asked + seconds * _RENEWED
+            self._until = requested_at + seconds
+            self._next = requested_at + seconds * _RENEWED
 
     def refuse(self, why: AxisbusError) -> None:
         """Note that the lease is lost: another client has it, or the cell does not know it."""
         self.why = self.why or why
 
-    def left(self, now: float) -> float:
+    def remaining(self, now: float) -> float:
         """Return the seconds for which the lease is still valid, 0 if it is lost."""
         return 0.0 if self.why is not None else max(0.0, self._until - now)
 
     def lost(self, now: float) -> bool:
         """Return whether the lease is lost: it was refused, or has expired."""
-        return self.left(now) <= 0.0
+        return self.remaining(now) <= 0.0

@@ -29,7 +29,7 @@ LARGEST = 16 * 1024 * 1024  # bytes; larger messages are not accepted
 _BLOCKED = 0.5  # seconds for which a message that must arrive waits for a peer that does not read, before the peer is cut off
 _BATCH = 16_384  # bytes in a batch: on a slow network, a batch must be sent within _BLOCKED
 _HANDSHAKE = 2.0  # seconds for the handshake of both ends; a connection in its handshake is not closed before
-_GREETING = 4000  # connections in their handshake: many that never finish it must not keep others out
+_MAX_HANDSHAKES = 4000  # connections in their handshake: many that never finish it must not keep others out
 _ENDPOINT = re.compile(r"(tcp|tls|quic|udp|ws|unixsock-stream|vsock|serial)/[^\s?#]+(\?[^\s#]*)?(#[^\s]*)?")
 _EXAMPLE = f"write it as tcp/192.168.0.10:{PORT}, or tls/cell-one.example:{PORT}"
 
@@ -96,7 +96,7 @@ def opened(network: ZenohNetwork) -> zenoh.Session:
             observed=_short(error),
             remedy="check the endpoints: another program may already listen there; and check the files of the configuration",
         ) from error
-    never_linger(session)
+    switch_off_linger(session)
     return session
 
 
@@ -174,7 +174,7 @@ def _settings(network: ZenohNetwork) -> Mapping[str, Any]:
         "connect/retry": {"period_init_ms": 100, "period_max_ms": 1000, "period_increase_factor": 2},
         "transport/unicast/open_timeout": round(_HANDSHAKE * 1000),
         "transport/unicast/accept_timeout": round(_HANDSHAKE * 1000),
-        "transport/unicast/accept_pending": _GREETING,
+        "transport/unicast/accept_pending": _MAX_HANDSHAKES,
         "transport/link/tx/lease": round(LEASE * 1000),
         "transport/link/tx/queue/congestion_control/block/wait_before_close": round(_BLOCKED * 1e6),
         "transport/link/tx/batch_size": _BATCH,
@@ -202,19 +202,19 @@ _OFF = struct.pack("ii", 0, 0)
 _PROTOCOLS = frozenset({"tcp", "tls"})
 
 
-def never_linger(session: Any) -> None:
+def switch_off_linger(session: Any) -> None:
     """Switch lingering off for all present and future connections of a session. Only on Linux does closing wait at all."""
     import zenoh
 
     def changed(event: Any) -> None:
         if event.kind == zenoh.SampleKind.PUT:
-            _unlinger(str(event.link.src), str(event.link.dst))
+            _switch_off_linger_of(str(event.link.src), str(event.link.dst))
 
     if _FILES.is_dir():
         session.info.declare_link_events_listener(changed, history=True)
 
 
-def _unlinger(near: str, far: str) -> None:
+def _switch_off_linger_of(near: str, far: str) -> None:
     try:
         ends = _end(near), _end(far)
         if None not in ends:
@@ -233,11 +233,11 @@ def _switch_off(number: int, ends: tuple[Any, Any]) -> None:
 
 def _connection(number: int) -> socket.socket:
     """Return a duplicate of an open file as a socket: the number may be reused for another file, the duplicate stays valid."""
-    own = os.dup(number)
+    duplicate = os.dup(number)
     try:
-        return socket.socket(fileno=own)
+        return socket.socket(fileno=duplicate)
     except OSError:
-        os.close(own)
+        os.close(duplicate)
         raise
 
 
@@ -247,9 +247,9 @@ def _ends(one: socket.socket) -> Any:
     return tuple((_address(name[0]), name[1]) for name in (one.getsockname(), one.getpeername()))
 
 
-def _end(place: str) -> tuple[Any, int] | None:
+def _end(link_end: str) -> tuple[Any, int] | None:
     """Return the address and port of an end as Zenoh writes it; None if it has another protocol."""
-    protocol, _, rest = place.partition("?")[0].partition("#")[0].partition("/")
+    protocol, _, rest = link_end.partition("?")[0].partition("#")[0].partition("/")
     host, _, port = rest.rpartition(":")
     return (_address(host.strip("[]")), int(port)) if protocol in _PROTOCOLS else None
 

@@ -32,30 +32,30 @@ class MissingEvents(NamedTuple):
     events: EventsAsk | None
 
 
-NOTHING = MissingEvents(False, (), None)
+NOTHING_MISSING = MissingEvents(False, (), None)
 
 
 class FleetSubscriptions:
     """Hold the known state of each cell of a plant; any thread may call it."""
 
-    def __init__(self, plant: str, asking: ZenohClient, worker: EventLoopThread) -> None:
+    def __init__(self, plant: str, zenoh_client: ZenohClient, worker: EventLoopThread) -> None:
         self.plant = plant
-        self.junk = 0  # invalid messages
-        self.on_gone: Callable[[str], None] = lambda _cell: None
-        self._asking, self._worker = asking, worker
+        self.invalid_count = 0  # invalid messages
+        self.on_cell_lost: Callable[[str], None] = lambda _cell: None
+        self._zenoh_client, self._worker = zenoh_client, worker
         self._lock = threading.RLock()
         self._cells: dict[str, CellWatch] = {}
-        self._asked: dict[str, float] = {}  # when missing state was last queried, by cell
+        self._query_times: dict[str, float] = {}  # when missing state was last queried, by cell
         self._ended = False
 
     def begin(self) -> None:
         """Subscribe to all cells of the plant; cells that are already present are reported as well."""
-        every = ZenohCellKeys.of_all(self.plant)
-        self._asking.hear(every.events, self._event)
-        self._asking.hear(every.state("*"), self._state)
-        self._asking.follow(every.presence("*"), self._presence)
-        self._asking.follow(every.alive, self._token)
-        self._worker.later(_ROUND, self._round)
+        all_cells = ZenohCellKeys.of_all(self.plant)
+        self._zenoh_client.subscribe(all_cells.events, self._event)
+        self._zenoh_client.subscribe(all_cells.state("*"), self._state)
+        self._zenoh_client.follow(all_cells.presence("*"), self._presence)
+        self._zenoh_client.follow(all_cells.alive, self._token)
+        self._worker.call_later(_ROUND, self._round)
 
     def end(self) -> None:
         """Send no more queries."""
@@ -74,7 +74,7 @@ class FleetSubscriptions:
         with self._lock:
             return cell in self._cells
 
-    def look(self, cell: str, read: Callable[[CellWatch, float], _Message]) -> _Message:
+    def inspect(self, cell: str, read: Callable[[CellWatch, float], _Message]) -> _Message:
         """Return the result of ``read`` on the present state of a cell; the state does not change meanwhile."""
         with self._lock:
             now = time.monotonic()
@@ -82,7 +82,7 @@ class FleetSubscriptions:
 
     def situation(self, cell: str, leased: bool) -> Situation:
         """Return the state of a cell that decides whether a command is sent again."""
-        return self.look(cell, lambda watch, now: Situation(now, watch.alive, watch.run, leased))
+        return self.inspect(cell, lambda watch, now: Situation(now, watch.alive, watch.run, leased))
 
     def settled(self, cells: list[str]) -> bool:
         """Whether each of these cells has reported its description, its axes and its events."""
@@ -91,19 +91,19 @@ class FleetSubscriptions:
 
     # -- messages ------------------------------------------------------------------------------------------------------
 
-    def _token(self, key: str, there: bool) -> None:
+    def _token(self, key: str, present: bool) -> None:
         cell = key.split("/")[_CELL]
         with self._lock:
-            self._watch(cell).token(there, time.monotonic())
-        if there:
-            self._worker.soon(partial(self._ask_for, cell))
+            self._watch(cell).token(present, time.monotonic())
+        if present:
+            self._worker.call_soon(partial(self._query_missing, cell))
         else:
-            self._worker.soon(partial(self.on_gone, cell))
+            self._worker.call_soon(partial(self.on_cell_lost, cell))
 
-    def _presence(self, key: str, there: bool) -> None:
+    def _presence(self, key: str, present: bool) -> None:
         parts = key.split("/")
         with self._lock:
-            self._watch(parts[_CELL]).presence(parts[_BRIDGE], there, time.monotonic())
+            self._watch(parts[_CELL]).presence(parts[_BRIDGE], present, time.monotonic())
 
     def _state(self, key: str, payload: bytes) -> None:
         parts, state = key.split("/"), self._read(payload, AxisStateMessage)
@@ -111,19 +111,19 @@ class FleetSubscriptions:
             return
         with self._lock:
             watch = self._watch(parts[_CELL])
-            watch.take_state(parts[_AXIS], state, time.monotonic(), time.time())
+            watch.store_state(parts[_AXIS], state, time.monotonic(), time.time())
 
     def _event(self, key: str, payload: bytes) -> None:
         event = self._read(payload, Event)
         if event is not None:
             with self._lock:
-                self._watch(key.split("/")[_CELL]).take_event(event)
+                self._watch(key.split("/")[_CELL]).store_event(event)
 
     def _info(self, key: str, payload: bytes) -> None:
         info = self._read(payload, CellInfo)
         if info is not None:
             with self._lock:
-                self._watch(key.split("/")[_CELL]).take_info(info, time.time())
+                self._watch(key.split("/")[_CELL]).store_info(info, time.time())
 
     def _watch(self, cell: str) -> CellWatch:
         """Return the state of a cell; if the plant has too many cells or the name is invalid, the state is not stored."""
@@ -136,7 +136,7 @@ class FleetSubscriptions:
 
     def _read(self, payload: bytes, kind: type[_Message]) -> _Message | None:
         message = read(payload, kind)
-        self.junk += message is None
+        self.invalid_count += message is None
         return message
 
     # -- missing state -------------------------------------------------------------------------------------------------
@@ -145,42 +145,44 @@ class FleetSubscriptions:
         if self._ended:
             return
         for cell in self.names:
-            if self.look(cell, lambda watch, _: watch.alive):
-                self._ask_for(cell)
-        self._worker.later(_ROUND, self._round)
+            if self.inspect(cell, lambda watch, _: watch.alive):
+                self._query_missing(cell)
+        self._worker.call_later(_ROUND, self._round)
 
-    def _ask_for(self, cell: str) -> None:
+    def _query_missing(self, cell: str) -> None:
         """Query the missing description, states and events of a cell; do nothing while an earlier query may still be answered."""
         now = time.monotonic()
-        if now - self._asked.get(cell, -_TIMEOUT) < _TIMEOUT:
+        if now - self._query_times.get(cell, -_TIMEOUT) < _TIMEOUT:
             return
-        lacks = self._lacks(cell)
-        if lacks == NOTHING:
+        missing_state = self._missing_state(cell)
+        if missing_state == NOTHING_MISSING:
             return
-        self._asked[cell] = now
-        keys, over = ZenohCellKeys(self.plant, cell), partial(self._answered, cell, lacks)
-        if lacks.info:
-            self._asking.ask_all(keys.info, b"", _TIMEOUT, self._info, over)
-        elif lacks.axes:
-            for axis in lacks.axes:  # each by its name: a star would also match the keys of commands
-                self._asking.ask_all(keys.state(axis), b"", _TIMEOUT, self._state, over)
-        elif lacks.events is not None:
-            heard = partial(self._events, cell, lacks.events)
-            self._asking.ask_all(keys.events, msgspec.json.encode(lacks.events), _TIMEOUT, heard, over)
+        self._query_times[cell] = now
+        keys, on_end = ZenohCellKeys(self.plant, cell), partial(self._query_ended, cell, missing_state)
+        if missing_state.info:
+            self._zenoh_client.query_all(keys.info, b"", _TIMEOUT, self._info, on_end)
+        elif missing_state.axes:
+            for axis in missing_state.axes:  # each by its name: a star would also match the keys of commands
+                self._zenoh_client.query_all(keys.state(axis), b"", _TIMEOUT, self._state, on_end)
+        elif missing_state.events is not None:
+            on_answer = partial(self._events, cell, missing_state.events)
+            self._zenoh_client.query_all(
+                keys.events, msgspec.json.encode(missing_state.events), _TIMEOUT, on_answer, on_end
+            )
 
-    def _lacks(self, cell: str) -> MissingEvents:
-        return self.look(
-            cell, lambda watch, _: MissingEvents(not watch.informed, watch.unheard, watch.log.missing)
+    def _missing_state(self, cell: str) -> MissingEvents:
+        return self.inspect(
+            cell, lambda watch, _: MissingEvents(not watch.informed, watch.unreported, watch.log.missing)
         )
 
-    def _answered(self, cell: str, lacked: MissingEvents) -> None:
+    def _query_ended(self, cell: str, missing_before: MissingEvents) -> None:
         """Handle the end of a query: if it reduced the missing state, query the rest at once, otherwise only after the time-out."""
-        if self._lacks(cell) != lacked:
-            self._asked.pop(cell, None)
-            self._worker.soon(partial(self._ask_for, cell))
+        if self._missing_state(cell) != missing_before:
+            self._query_times.pop(cell, None)
+            self._worker.call_soon(partial(self._query_missing, cell))
 
-    def _events(self, cell: str, ask: EventsAsk, _key: str, payload: bytes) -> None:
+    def _events(self, cell: str, request: EventsAsk, _key: str, payload: bytes) -> None:
         answer = self._read(payload, EventsAnswer)
         if answer is not None:
             with self._lock:
-                self._watch(cell).log.answered(ask, answer)
+                self._watch(cell).log.answered(request, answer)

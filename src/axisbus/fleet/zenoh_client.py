@@ -9,7 +9,7 @@ from typing import Any
 
 log = logging.getLogger("axisbus")
 
-Heard = Callable[[str, bytes], None]
+OnMessage = Callable[[str, bytes], None]
 _LONGER = 0.5  # seconds after its time-out at which a query counts as ended in any case
 
 
@@ -26,20 +26,20 @@ class ZenohClient:
         timeout: float,
         ended: Callable[[bytes | None], None],
         *,
-        everybody: bool = False,
+        to_all_peers: bool = False,
     ) -> None:
         """Send a query and call ``ended`` once: with the first answer, or with None if there is none. Does not block.
 
-        ``everybody``: if several peers serve the key, each of them receives the query.
+        ``to_all_peers``: if several peers serve the key, each of them receives the query.
         """
         import zenoh
 
-        target = zenoh.QueryTarget.ALL if everybody else zenoh.QueryTarget.BEST_MATCHING
-        query = _Query(ended)
+        target = zenoh.QueryTarget.ALL if to_all_peers else zenoh.QueryTarget.BEST_MATCHING
+        pending = _Query(ended)
         try:
             self._session.get(
                 key,
-                _handler(query.hear, query.end),
+                _handler(pending.on_reply, pending.end),
                 timeout=timeout,
                 payload=payload,
                 target=target,
@@ -47,9 +47,9 @@ class ZenohClient:
             )
         except Exception as error:  # noqa: BLE001  # zenoh's errors have no common base, such as after closing
             log.debug("no query was sent to %s: %s", key, error)
-            query.end()
+            pending.end()
 
-    def ask(self, key: str, payload: bytes, timeout: float) -> bytes | None:
+    def query(self, key: str, payload: bytes, timeout: float) -> bytes | None:
         """Send a query and return the first answer, or None if there is none; blocks for at most ``timeout`` + 0.5 s."""
         done, got = threading.Event(), list[bytes]()
 
@@ -62,15 +62,15 @@ class ZenohClient:
         done.wait(timeout + _LONGER)
         return got[0] if got else None
 
-    def ask_all(
-        self, key: str, payload: bytes, timeout: float, heard: Heard, ended: Callable[[], None]
+    def query_all(
+        self, key: str, payload: bytes, timeout: float, on_message: OnMessage, ended: Callable[[], None]
     ) -> None:
-        """Query every peer that serves the key; call ``heard`` with each answer, then ``ended`` once. Does not block."""
+        """Query every peer that serves the key; call ``on_message`` with each answer, then ``ended`` once. Does not block."""
         import zenoh
 
         def each(reply: Any) -> None:
             if reply.ok is not None:
-                heard(str(reply.ok.key_expr), reply.ok.payload.to_bytes())
+                on_message(str(reply.ok.key_expr), reply.ok.payload.to_bytes())
 
         try:
             self._session.get(
@@ -85,11 +85,11 @@ class ZenohClient:
             log.debug("no query was sent to %s: %s", key, error)
             ended()
 
-    def hear(self, key: str, heard: Heard) -> None:
-        """Call ``heard`` with the key and the octets of each message published there, until the session ends."""
+    def subscribe(self, key: str, on_message: OnMessage) -> None:
+        """Call ``on_message`` with the key and the octets of each message published there, until the session ends."""
 
         def each(sample: Any) -> None:
-            heard(str(sample.key_expr), sample.payload.to_bytes())
+            on_message(str(sample.key_expr), sample.payload.to_bytes())
 
         self._session.declare_subscriber(key, _guarded(each))
 
@@ -123,9 +123,9 @@ class _Query:
     def __init__(self, ended: Callable[[bytes | None], None]) -> None:
         self._ended = ended
         self._lock = threading.Lock()
-        self._over = False
+        self._finished = False
 
-    def hear(self, reply: Any) -> None:
+    def on_reply(self, reply: Any) -> None:
         """Handle an answer; an error reply is ignored."""
         if reply.ok is not None:
             self._end(reply.ok.payload.to_bytes())
@@ -136,15 +136,15 @@ class _Query:
 
     def _end(self, answer: bytes | None) -> None:
         with self._lock:
-            over, self._over = self._over, True
-        if not over:
+            finished, self._finished = self._finished, True
+        if not finished:
             self._ended(answer)
 
 
-def _handler(heard: Callable[[Any], None], ended: Callable[[], None]) -> Any:
+def _handler(on_message: Callable[[Any], None], ended: Callable[[], None]) -> Any:
     import zenoh
 
-    return zenoh.handlers.Callback(_guarded(heard), ended)
+    return zenoh.handlers.Callback(_guarded(on_message), ended)
 
 
 def _guarded(function: Callable[[Any], None]) -> Callable[[Any], None]:

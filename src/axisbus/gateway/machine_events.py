@@ -64,7 +64,7 @@ class MachineEvent:
 class _Found(NamedTuple):
     stamp: float
     key: Hashable  # identifies the event, so that it is reported once
-    told: Callable[[], MachineEvent]  # makes the event; called only if it is new
+    make: Callable[[], MachineEvent]  # makes the event; called only if it is new
 
 
 class MachineEventSource:
@@ -80,20 +80,20 @@ class MachineEventSource:
         """
         self._since = since
         self._commands = commands
-        self._told: set[Hashable] = set()
+        self._reported: set[Hashable] = set()
         self._errors: dict[str, str] = {}
 
-    def look(self, machine: Machine, now: float) -> list[MachineEvent]:
+    def poll(self, machine: Machine, now: float) -> list[MachineEvent]:
         """Return the new events at ``now`` (seconds of the machine's clock), oldest first; blocks for some answers of the core.
 
         Raises:
             AxisbusError: the core is gone.
         """
         found = [one for one in self._found(machine, now) if one.stamp >= self._since]
-        new = [one.told() for one in found if one.key not in self._told]
+        new = [one.make() for one in found if one.key not in self._reported]
         new += self._of_axes(machine)
-        self._told = {one.key for one in found}  # drop the events that the machine has dropped
-        return sorted(new, key=lambda happening: happening.stamp)
+        self._reported = {one.key for one in found}  # drop the events that the machine has dropped
+        return sorted(new, key=lambda event: event.stamp)
 
     def _found(self, machine: Machine, now: float) -> Iterator[_Found]:
         if self._commands:
@@ -134,27 +134,29 @@ def _fault(name: str, error: AxisbusError, now: float) -> MachineEvent:
 # -- commands, the bus, error control, shutdown --------------------------------------------------------------------------
 
 
-def _of_command(seen: CommandSeen) -> Iterator[_Found]:
-    quiet = _JOG in seen.name or seen.name.endswith(_HALT)
+def _of_command(entry: CommandSeen) -> Iterator[_Found]:
+    quiet = _JOG in entry.name or entry.name.endswith(_HALT)
     if not quiet:
-        yield _Found(seen.given, (seen.name, seen.given), partial(_given, seen))
-    if seen.ended is not None and (seen.status is Status.ERROR or not quiet):
-        yield _Found(seen.ended, (seen.name, seen.given, "end"), partial(_ended, seen, seen.ended))
+        yield _Found(entry.given, (entry.name, entry.given), partial(_given, entry))
+    if entry.ended is not None and (entry.status is Status.ERROR or not quiet):
+        yield _Found(entry.ended, (entry.name, entry.given, "end"), partial(_ended, entry, entry.ended))
 
 
-def _given(seen: CommandSeen) -> MachineEvent:
-    return MachineEvent(seen.given, MachineEventKind.COMMAND, "info", f"{seen.name}: given", _who(seen))
+def _given(entry: CommandSeen) -> MachineEvent:
+    return MachineEvent(
+        entry.given, MachineEventKind.COMMAND, "info", f"{entry.name}: given", _client_of(entry)
+    )
 
 
-def _ended(seen: CommandSeen, stamp: float) -> MachineEvent:
-    severity: Severity = "error" if seen.status is Status.ERROR else "info"
-    cause = (seen.error,) if seen.error else ()
-    text = f"{seen.name}: {seen.status.value}"
-    return MachineEvent(stamp, MachineEventKind.COMMAND, severity, text, _who(seen), cause=cause)
+def _ended(entry: CommandSeen, stamp: float) -> MachineEvent:
+    severity: Severity = "error" if entry.status is Status.ERROR else "info"
+    cause = (entry.error,) if entry.error else ()
+    text = f"{entry.name}: {entry.status.value}"
+    return MachineEvent(stamp, MachineEventKind.COMMAND, severity, text, _client_of(entry), cause=cause)
 
 
-def _who(seen: CommandSeen) -> str:
-    return seen.name.partition(".")[0]
+def _client_of(entry: CommandSeen) -> str:
+    return entry.name.partition(".")[0]
 
 
 def _bus(event: ControllerEvent) -> MachineEvent:
@@ -209,8 +211,8 @@ def _incident(
     node: NodeAccess, axes: tuple[str, ...], incident: Incident, kind: MachineEventKind, stamp: float
 ) -> MachineEvent:
     first, *lines = node.format_incident(incident)
-    stands, about = first.rpartition(",")[0], f"node {node.node_id}"
+    summary, about = first.rpartition(",")[0], f"node {node.node_id}"
     if kind is MachineEventKind.OVER:
-        return MachineEvent(stamp, kind, "info", stands, about, axes)
-    text = stands if kind is MachineEventKind.SETTLED else f"incident {incident.number} has begun"
+        return MachineEvent(stamp, kind, "info", summary, about, axes)
+    text = summary if kind is MachineEventKind.SETTLED else f"incident {incident.number} has begun"
     return MachineEvent(stamp, kind, "error", text, about, axes, tuple(line.strip() for line in lines))

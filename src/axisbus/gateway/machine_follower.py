@@ -11,9 +11,9 @@ from axisbus.core.process.launch import require_joinable_system
 from axisbus.errors import AxisbusError
 from axisbus.machine.machine import Machine
 
-Look = Callable[[], object]
+Poll = Callable[[], object]
 _WAIT = 0.5  # seconds between two attempts to find a machine
-_TOLD = 0.05  # seconds within which a machine has sent its state to a new client
+_FIRST_STATE_TIME = 0.05  # seconds within which a machine has sent its state to a new client
 
 
 class MachineFollower:
@@ -24,53 +24,53 @@ class MachineFollower:
         require_joinable_system()
         self._cell = cell
         self._say = say
-        self._said = ""
+        self._last_text = ""
 
     def run(
         self,
-        serve: Callable[[Machine], AbstractContextManager[Look]],
-        every: float,
-        goes_on: Callable[[], bool] = lambda: True,
+        serve: Callable[[Machine], AbstractContextManager[Poll]],
+        interval: float,
+        may_continue: Callable[[], bool] = lambda: True,
     ) -> None:
-        """Follow the machines until ``goes_on`` returns false, or it is interrupted.
+        """Follow the machines until ``may_continue`` returns false, or it is interrupted.
 
-        ``serve`` is a context for the time with a machine; it returns a function that is called every ``every`` seconds. An
+        ``serve`` is a context for the time with a machine; it returns a function that is called every ``interval`` seconds. An
         AxisbusError of either is reported, and the machine is joined again.
         """
-        while goes_on():
+        while may_continue():
             try:
-                self._follow(serve, every, goes_on)
+                self._follow(serve, interval, may_continue)
             except AxisbusError as error:
-                self._once(f"no machine is observed: {error.message}")
+                self._say_if_new(f"no machine is observed: {error.message}")
             time.sleep(_WAIT)
 
     def _follow(
         self,
-        serve: Callable[[Machine], AbstractContextManager[Look]],
-        every: float,
-        goes_on: Callable[[], bool],
+        serve: Callable[[Machine], AbstractContextManager[Poll]],
+        interval: float,
+        may_continue: Callable[[], bool],
     ) -> None:
         """Serve the machine of the cell until it ends; return at once if none runs."""
         machine = Machine.try_attach(self._cell)
         if machine is None:
-            self._once("waits for a machine: axisbus run")
+            self._say_if_new("waits for a machine: axisbus run")
             return
-        time.sleep(_TOLD)
+        time.sleep(_FIRST_STATE_TIME)
         if _ends(machine):
             machine.close()
             return
-        with machine, serve(machine) as look:
-            self._once("joined the running machine")
+        with machine, serve(machine) as poll:
+            self._say_if_new("joined the running machine")
             while not machine.session.ended:
-                if not goes_on():
+                if not may_continue():
                     return
-                look()
-                machine.sleep(every)
-        self._once("the machine has ended")
+                poll()
+                machine.sleep(interval)
+        self._say_if_new("the machine has ended")
 
-    def _once(self, text: str) -> None:
-        if text != self._said:
-            self._said = text
+    def _say_if_new(self, text: str) -> None:
+        if text != self._last_text:
+            self._last_text = text
             self._say(text)
 
 

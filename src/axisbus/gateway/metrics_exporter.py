@@ -49,7 +49,7 @@ class Exporter:
         self._emcy, self._events = MetricCounters(), MetricCounters()
         self._cycles, self._frames = Growth(), Growth()
 
-    def look(self) -> None:
+    def poll(self) -> None:
         """Count new events; to be called about once a second, because the lists of a machine are short. May block briefly."""
         machine = self.machine
         if machine is None:
@@ -72,8 +72,8 @@ class Exporter:
         yield GaugeMetricFamily(
             "axisbus_up", "Whether the machine runs, and its process image is current.", float(alive)
         )
-        for name, words, counts, labels in self._counted():
-            family = CounterMetricFamily(f"axisbus_{name}", words, labels=labels)
+        for name, description, counts, labels in self._counted():
+            family = CounterMetricFamily(f"axisbus_{name}", description, labels=labels)
             for values, count in list(counts.items()):
                 family.add_metric(values, count)
             yield family
@@ -111,12 +111,12 @@ def _machine(machine: Machine) -> Iterator[Metric]:
         "axisbus_machine", "The real-time status of the core.", {"degree": machine.real_time_status}
     )
     yield from _cycle(machine.cycle_jitter)
-    carried = machine.bus_traffic
-    if carried is not None:
+    traffic = machine.bus_traffic
+    if traffic is not None:
         yield CounterMetricFamily(
-            "axisbus_bus_frames", "Frames on the bus, in both directions.", carried.frames
+            "axisbus_bus_frames", "Frames on the bus, in both directions.", traffic.frames
         )
-        yield CounterMetricFamily("axisbus_bus_octets", "Their data.", carried.octets)
+        yield CounterMetricFamily("axisbus_bus_octets", "Their data.", traffic.octets)
     yield GaugeMetricFamily(
         "axisbus_bus_bitrate", "Bit rate of the bus, in bit/s.", machine.cell.bus.bitrate or 0
     )
@@ -143,14 +143,14 @@ def _cycle(lateness: LatenessReport) -> Iterator[Metric]:
 
 def _sdo(machine: Machine) -> Iterator[Metric]:
     ends = CounterMetricFamily("axisbus_sdo_transfers", "SDO transfers, by result.", labels=("node", "end"))
-    again = CounterMetricFamily(
+    retry_family = CounterMetricFamily(
         "axisbus_sdo_retries", "Attempts after the first of each transfer.", labels=("node",)
     )
     for count in machine.sdo_counts:
         for end, number in count.ends.items():
             ends.add_metric((str(count.node), end.value), number)
-        again.add_metric((str(count.node),), count.retries)
-    yield from (ends, again)
+        retry_family.add_metric((str(count.node),), count.retries)
+    yield from (ends, retry_family)
 
 
 def _nodes(machine: Machine) -> Iterator[Metric]:
@@ -158,19 +158,19 @@ def _nodes(machine: Machine) -> Iterator[Metric]:
     booted = GaugeMetricFamily(
         "axisbus_node_booted", "Whether the node has come up.", labels=("node", "device")
     )
-    again = GaugeMetricFamily(
+    retry_family = GaugeMetricFamily(
         "axisbus_node_boot_retries", "Requests that its boot-up repeated.", labels=("node",)
     )
     for report in machine.reports:
         name = str(report.node_id)
         state.add_metric((name, machine.node(report.node_id).nmt.text), 1.0)
-        booted.add_metric((name, report.device), float(_came_up(report)))
+        booted.add_metric((name, report.device), float(_booted(report)))
         if report.outcome is not None:
-            again.add_metric((name,), report.outcome.retries)
-    yield from (state, booted, again)
+            retry_family.add_metric((name,), report.outcome.retries)
+    yield from (state, booted, retry_family)
 
 
-def _came_up(report: NodeReport) -> bool:
+def _booted(report: NodeReport) -> bool:
     return report.error is None and not report.absent
 
 
@@ -178,8 +178,8 @@ def _axes(machine: Machine) -> Iterator[Metric]:
     state = GaugeMetricFamily("axisbus_axis_state", "The axis's PLCopen state.", labels=("axis", "state"))
     failed = GaugeMetricFamily("axisbus_axis_error", "Whether the axis has an error.", labels=("axis",))
     values = {
-        name: GaugeMetricFamily(f"axisbus_axis_{name}", words, labels=("axis", "unit"))
-        for name, words in _VALUES.items()
+        name: GaugeMetricFamily(f"axisbus_axis_{name}", description, labels=("axis", "unit"))
+        for name, description in _VALUES.items()
     }
     for axis in machine:
         state.add_metric((axis.name, axis.state.value), 1.0)
@@ -202,7 +202,7 @@ def _value(axis: Axis, name: str) -> float | None:
 
 
 Counts = Counter[tuple[str, ...]]
-_MOST = 32  # the most names with a count of their own
+_MAX_NAMES = 32  # the most names with a count of their own
 _OTHERS = "others"
 
 
@@ -219,7 +219,7 @@ class MetricCounters:
 
     def __init__(self) -> None:
         self.counts: Counts = Counter()
-        self._seen: dict[object, float] = {}
+        self._newest: dict[object, float] = {}
 
     def take(self, key: object, items: Iterable[tuple[Stamped, tuple[str, ...], int]]) -> None:
         """Count the items of a list that are newer than all seen before: each item with its labels and its multiplicity.
@@ -227,12 +227,12 @@ class MetricCounters:
         ``key`` identifies the list, also for the next machine, because the clock is the computer's. Items of the first call count
         as well.
         """
-        before = newest = self._seen.get(key, float("-inf"))
+        before = newest = self._newest.get(key, float("-inf"))
         for item, labels, times in items:
             if item.stamp > before:
                 self.counts[labels] += times
                 newest = max(newest, item.stamp)
-        self._seen[key] = newest
+        self._newest[key] = newest
 
 
 class Growth:
@@ -240,7 +240,7 @@ class Growth:
 
     def __init__(self) -> None:
         self.counts: Counts = Counter()
-        self._seen: Counter[str] = Counter()
+        self._last_counts: Counter[str] = Counter()
 
     def take(self, items: Iterable[tuple[str, str, int]]) -> None:
         """Count the growth since the last call: for each source its identity, its name (several may share one) and its number.
@@ -253,9 +253,9 @@ class Growth:
             now[who] += number
             names[who] = name
         for who, name in names.items():
-            self.counts[self._label(name)] += max(0, now[who] - self._seen[who])
-        self._seen = now
+            self.counts[self._label(name)] += max(0, now[who] - self._last_counts[who])
+        self._last_counts = now
 
     def _label(self, name: str) -> tuple[str]:
-        known = (name,) in self.counts or len(self.counts) < _MOST
+        known = (name,) in self.counts or len(self.counts) < _MAX_NAMES
         return (name if known else _OTHERS,)

@@ -18,7 +18,7 @@ from prometheus_client.registry import Collector, CollectorRegistry
 from axisbus.errors import StateError
 
 CONNECTIONS = 32  # at once; beyond that, the oldest is closed
-PATIENCE = 10.0  # seconds for one connection
+CONNECTION_TIMEOUT = 10.0  # seconds for one connection
 
 
 class MetricsSource(Protocol):
@@ -55,35 +55,35 @@ class _Server(ThreadingMixIn, WSGIServer):
     request_queue_size = CONNECTIONS
 
     def __init__(self, *given: Any, **more: Any) -> None:
-        self._began: dict[socket.socket, float] = {}  # oldest first
+        self._started: dict[socket.socket, float] = {}  # oldest first
         self._lock = threading.Lock()
         super().__init__(*given, **more)
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """Serve one more connection; close the oldest if there are too many."""
         with self._lock:
-            for old in list(self._began)[: max(0, len(self._began) - CONNECTIONS + 1)]:
+            for old in list(self._started)[: max(0, len(self._started) - CONNECTIONS + 1)]:
                 self._end(old)
-            self._began[request] = time.monotonic()
+            self._started[request] = time.monotonic()
         super().process_request(request, client_address)
 
     def service_actions(self) -> None:
         """Close the connections that take too long; called twice a second."""
         with self._lock:
-            for old, began in list(self._began.items()):
-                if time.monotonic() - began > PATIENCE:
+            for old, started in list(self._started.items()):
+                if time.monotonic() - started > CONNECTION_TIMEOUT:
                     self._end(old)
 
     def _end(self, connection: socket.socket) -> None:
         """Shut the connection down, so that its thread ends; the thread closes it."""
-        del self._began[connection]
+        del self._started[connection]
         with suppress(OSError):
             connection.shutdown(socket.SHUT_RDWR)
 
     def shutdown_request(self, request: Any) -> None:
         """Close a connection that has been served."""
         with self._lock:
-            self._began.pop(request, None)
+            self._started.pop(request, None)
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
@@ -135,7 +135,7 @@ class MetricsServer:
 
 
 def _resolved(address: str) -> tuple[int, str]:
-    family, _, _, _, place = socket.getaddrinfo(
+    family, _, _, _, endpoint = socket.getaddrinfo(
         address, None, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
     )[0]
-    return family, str(place[0])
+    return family, str(endpoint[0])

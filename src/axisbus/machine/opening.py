@@ -157,9 +157,9 @@ def boot(
 
 
 def _check(cell: CellConfig, problems: list[CellProblem]) -> None:
-    from axisbus.check.run import require_sound
+    from axisbus.check.run import require_no_errors
 
-    require_sound(cell, problems)
+    require_no_errors(cell, problems)
 
 
 def _apart(cell: CellConfig, problems: list[CellProblem], shared: bool) -> CoreInterface:

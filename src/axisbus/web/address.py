@@ -25,7 +25,7 @@ class PageAddress:
     tls: bool
 
     @property
-    def door(self) -> ServedOrigin:
+    def served_origin(self) -> ServedOrigin:
         """The hosts and origins that the gate admits."""
         scheme = "https" if self.tls else "http"
         hosts = {f"{name}:{self.port}" for name in self.names}

@@ -23,9 +23,9 @@ from axisbus.web.scope.signals import Choice, ScopeBuffer, ScopeCycle, SignalRea
 from axisbus.web.view import Values, all_axes, whole_cell
 
 log = logging.getLogger("axisbus")
-_HOLD = 1.0  # seconds for which this server may hang before all motion started by its pages halts
+_HOLD_TIME = 1.0  # seconds for which this server may hang before all motion started by its pages halts
 _CONTINUOUS = 0.3  # the same while an axis moves until it is halted
-_LOOK, _VALUES, _CELL = (
+_POLL_PERIOD, _VALUES, _CELL = (
     0.02,
     0.1,
     0.5,
@@ -39,26 +39,26 @@ class PageSocket:
         self,
         machine: Machine,
         clients: PageClients,
-        beside: Callable[[], list[str]],
-        grow: Callable[[], None],
+        status_lines: Callable[[], list[str]],
+        add_axes: Callable[[], None],
     ) -> None:
-        """Nothing happens before ``run``; ``beside`` returns lines about the bus, the cycle and the programs, and may block.
+        """Nothing happens before ``run``; ``status_lines`` returns lines about the bus, the cycle and the programs, and may block.
 
-        ``grow`` adds axes that have joined to the pages.
+        ``add_axes`` adds axes that have joined to the pages.
         """
         self._machine = machine
         self._clients = clients
-        self._beside = beside
-        self._grow = grow
+        self._status_lines = status_lines
+        self._add_axes = add_axes
         self._axes = self._cell = "null"
-        self._cell_seen = time.monotonic()
-        self._bell = asyncio.Event()
+        self._cell_time = time.monotonic()
+        self._new_values = asyncio.Event()
 
     async def run(self) -> None:
         """Update the values cyclically, until cancelled."""
-        cell = asyncio.create_task(self._look_at_cell())
+        cell = asyncio.create_task(self._update_cell())
         try:
-            await self._look()
+            await self._update()
         finally:
             cell.cancel()
 
@@ -70,31 +70,31 @@ class PageSocket:
         writer = asyncio.create_task(self._write(socket, client))
         try:
             while (text := await next_text(socket)) is not None:
-                self._clients.hear(client, text, time.monotonic())
+                self._clients.receive(client, text, time.monotonic())
                 await asyncio.sleep(0)  # a flood of messages must not keep other pages from being heard
         finally:
-            self._clients.leave(client)
+            self._clients.remove(client)
             writer.cancel()
             await end(socket)
 
-    async def _look(self) -> None:
+    async def _update(self) -> None:
         due = 0.0
         while True:
             now = time.monotonic()
-            self._clients.look(now)
+            self._clients.poll(now)
             if now >= due:
                 due = now + _VALUES
-                self._machine.hold_to_run(_HOLD, _CONTINUOUS)
-                self._take_in()
+                self._machine.hold_to_run(_HOLD_TIME, _CONTINUOUS)
+                self._add_joined_axes()
                 self._axes = self._shown(now)
-                self._bell.set()
-                self._bell = asyncio.Event()
-            await asyncio.sleep(_LOOK)
+                self._new_values.set()
+                self._new_values = asyncio.Event()
+            await asyncio.sleep(_POLL_PERIOD)
 
-    def _take_in(self) -> None:
+    def _add_joined_axes(self) -> None:
         """Add the axes that have joined to the pages; if that fails, everything else continues."""
         try:
-            self._grow()
+            self._add_axes()
         except Exception:
             log.exception("a new axis could not be added to the pages")
 
@@ -106,59 +106,59 @@ class PageSocket:
             log.exception("the values of the axes cannot be shown")
             return "null"
 
-    async def _look_at_cell(self) -> None:
+    async def _update_cell(self) -> None:
         """Update the state of the cell in a thread, so that slow queries to the core do not block the event loop."""
         while True:
             with suppress(
                 Exception
             ):  # the machine is being closed: the axes show that, and the last state stays, with its age
-                seen = await asyncio.to_thread(self._whole)
-                self._cell, self._cell_seen = json.dumps(seen), time.monotonic()
+                seen = await asyncio.to_thread(self._cell_values)
+                self._cell, self._cell_time = json.dumps(seen), time.monotonic()
             await asyncio.sleep(_CELL)
 
-    def _whole(self) -> Values:
-        return whole_cell(self._machine, self._beside(), time.monotonic())
+    def _cell_values(self) -> Values:
+        return whole_cell(self._machine, self._status_lines(), time.monotonic())
 
     async def _write(self, socket: WebSocket, client: PageClient) -> None:
         """Send the newest values; a slow page misses the values in between, and a page that accepts none is disconnected."""
-        sent, told = "", 0.0
+        sent, sent_at = "", 0.0
         try:
             while True:
-                if is_ahead(told, client.seen):  # it would queue up, and be old when it is shown
-                    await self._bell.wait()
+                if is_ahead(sent_at, client.seen):  # it would queue up, and be old when it is shown
+                    await self._new_values.wait()
                     continue
-                told = time.monotonic()
+                sent_at = time.monotonic()
                 cell = "" if self._cell is sent else f', "cell": {self._cell}'
                 sent = self._cell
-                own = json.dumps(self._own(client, told))
+                own_values = json.dumps(self._own(client, sent_at))
                 async with asyncio.timeout(SLOW):
-                    await socket.send_text(f'{{"axes": {self._axes}, "own": {own}{cell}}}')
-                await self._bell.wait()
-        except (TimeoutError, *GONE):
-            self._clients.leave(client)
+                    await socket.send_text(f'{{"axes": {self._axes}, "own": {own_values}{cell}}}')
+                await self._new_values.wait()
+        except (TimeoutError, *DISCONNECTED):
+            self._clients.remove(client)
 
     def _own(self, client: PageClient, now: float) -> Values:
-        told, client.told = client.told, []
+        messages, client.messages = client.messages, []
         holder = self._clients.lease.holder
         return {
-            "who": client.seat.who,
-            "role": client.seat.role.value,
+            "who": client.identity.page_name,
+            "role": client.identity.role.value,
             "looks": self._clients.observes_only,
-            "mine": self._clients.lease.held_by(client.seat),
-            "holder": None if holder is None else holder.who,
+            "mine": self._clients.lease.held_by(client.identity),
+            "holder": None if holder is None else holder.page_name,
             "held": client.deadman.axis,
             "press": client.deadman.press,
             "now": now,
-            "heard": client.heard,
+            "heard": client.last_sent,
             "dead": self._machine.session.dead,
-            "cell_age": now - self._cell_seen,
-            "boots": self._clients.boots.news(),
-            "objects": self._clients.objects.news(client.seat.number, now),
-            "page": client.seat.number,
+            "cell_age": now - self._cell_time,
+            "boots": self._clients.boots.unread(),
+            "objects": self._clients.objects.unread(client.identity.number, now),
+            "page": client.identity.number,
             "verified": self._verified(client),
             "configured": self._configured(client),
-            "trial": self._clients.trials.news(client.seat.number),
-            "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in told],
+            "trial": self._clients.trials.unread(client.identity.number),
+            "told": [{"kind": one.kind, "text": one.text, "remedy": one.remedy} for one in messages],
         }
 
     def _verified(self, client: PageClient) -> Values | None:
@@ -167,7 +167,7 @@ class PageSocket:
         if now is None or now is client.verified:
             return None
         client.verified = now
-        return now.told()
+        return now.as_values()
 
     def _configured(self, client: PageClient) -> Values | None:
         """Return the progress of the configuration job, if it has changed since it was last sent to the page."""
@@ -175,13 +175,13 @@ class PageSocket:
         if now is None or now is client.configured:
             return None
         client.configured = now
-        return now.told()
+        return now.as_values()
 
 
 # -- Common functions of the page's own sockets: receive a text, detect a page that accepts nothing, close a socket --------
 
 SLOW = 5.0  # seconds that a page may take for one message before it is disconnected
-GONE = (WebSocketDisconnect, RuntimeError, OSError)  # raised by sending if a page is gone
+DISCONNECTED = (WebSocketDisconnect, RuntimeError, OSError)  # raised by sending if a page is gone
 _POLICY_VIOLATED = 1008
 
 
@@ -196,7 +196,7 @@ async def next_text(socket: WebSocket) -> str | None:
 async def end(socket: WebSocket) -> None:
     """Close a socket that is still open."""
     if socket.application_state is WebSocketState.CONNECTED:
-        with suppress(*GONE):
+        with suppress(*DISCONNECTED):
             await socket.close(_POLICY_VIOLATED)
 
 
@@ -212,9 +212,9 @@ class Hub:
         """Nothing happens before ``serve``."""
         self._machine = machine
         self._cycles = ScopeBuffer()
-        self._looking = 0
+        self._observers = 0
         # After a page was slow, a batch may be longer than usual, but only as long as needed to catch up.
-        self._most = max(64, math.ceil(4 * _PERIOD / machine.cell.bus.scan_period))
+        self._max_cycles = max(64, math.ceil(4 * _PERIOD / machine.cell.bus.scan_period))
 
     async def serve(self, socket: WebSocket) -> None:
         """Serve one page until it disconnects; each message selects signals, and an invalid message ends the connection."""
@@ -229,7 +229,7 @@ class Hub:
         finally:
             if sender is not None:
                 sender.cancel()
-            self._leave()
+            self._remove_observer()
             await end(socket)
 
     async def _next(self, socket: WebSocket) -> Choice | None:
@@ -243,23 +243,23 @@ class Hub:
         try:
             while choice.signals:
                 await asyncio.sleep(_PERIOD)
-                fetched = self._cycles.since(at, self._most)
+                fetched = self._cycles.since(at, self._max_cycles)
                 at = fetched.next
                 if fetched.cycles:
                     async with asyncio.timeout(SLOW):
                         await socket.send_bytes(batch(choice.number, fetched.cycles, reader, fetched.lost))
-        except (TimeoutError, *GONE):  # the page accepts no data, or is gone
+        except (TimeoutError, *DISCONNECTED):  # the page accepts no data, or is gone
             await end(socket)
 
     def _enter(self) -> None:
-        self._looking += 1
-        if self._looking == 1:
+        self._observers += 1
+        if self._observers == 1:
             self._cycles = ScopeBuffer()
             self._machine.session.observe(self._cycles.add)
 
-    def _leave(self) -> None:
-        self._looking -= 1
-        if self._looking == 0:
+    def _remove_observer(self) -> None:
+        self._observers -= 1
+        if self._observers == 0:
             self._machine.session.forget(self._cycles.add)
 
 

@@ -26,13 +26,13 @@ from axisbus.errors import AxisbusError, StateError
 from axisbus.machine.machine import Machine
 from axisbus.web.access.acceptor import Acceptor
 from axisbus.web.access.admission import ENTER, STOP
-from axisbus.web.access.limits import BRING_FILE, FOREIGN_MESSAGE, SAVE_SAMPLES
-from axisbus.web.access.middleware import OWN_SOCKET, SESSION, AccessMiddleware
+from axisbus.web.access.limits import FOREIGN_MESSAGE, SAVE_SAMPLES, UPLOAD_FILE
+from axisbus.web.access.middleware import PAGE_VALUES_SOCKET, SESSION, AccessMiddleware
 from axisbus.web.access.tokens import PageSessions, Role
 from axisbus.web.address import PageAddress
 from axisbus.web.commands.clients import PageClients
 from axisbus.web.config import file_process
-from axisbus.web.config.files import BROUGHT, MADE, MOST, Dcf, PageFiles, named
+from axisbus.web.config.files import BACKED_UP, MAX_SIZE, UPLOADED, Dcf, PageFiles, named
 from axisbus.web.config.report import bounded_texts
 from axisbus.web.objects.dictionary import DictionaryCache
 from axisbus.web.objects.worker import ObjectWorker
@@ -43,9 +43,9 @@ from axisbus.web.view import Values, explained
 from axisbus.wording import PrintableFormatter
 
 SCOPE, OBJECTS, TRIALS, BACKUP = "/scope", "/objects", "/trials", "/config/backup"
-_PATIENCE = 10.0  # seconds for the start of the server
+_START_TIMEOUT = 10.0  # seconds for the start of the server
 _PING = 2.0  # seconds after which a silent page is pinged, and then disconnected
-OWN = Path(__file__).parent / "page" / "static"
+STATIC = Path(__file__).parent / "page" / "static"
 
 
 class PageServer:
@@ -57,30 +57,34 @@ class PageServer:
         page_address: PageAddress,
         listening: socket.socket,
         tls: tuple[Path, Path] | None,
-        beside: Callable[[], list[str]],
+        status_lines: Callable[[], list[str]],
         *,
         observes_only: bool = False,
     ) -> None:
         """``listening`` is bound; ``tls`` are the files of a certificate and its key.
 
-        ``beside``: as for ``PageSocket``; ``observes_only``: as for ``PageClients``.
+        ``status_lines``: as for ``PageSocket``; ``observes_only``: as for ``PageClients``.
         """
         self._machine = machine
         self._place = page_address
         self._listening = listening
         self._keys = PageSessions()
-        self._clients = PageClients(machine, lambda: self.link(Role.LOOKER), observes_only=observes_only)
+        self._clients = PageClients(machine, lambda: self.link(Role.OBSERVER), observes_only=observes_only)
         self._pages = Pages(machine)
-        self._live = PageSocket(machine, self._clients, beside, self._pages.look)
+        self._live = PageSocket(machine, self._clients, status_lines, self._pages.look)
         self._hub = Hub(machine)
-        self._books = DictionaryCache(machine)
+        self._dictionaries = DictionaryCache(machine)
         self._worker = ObjectWorker(machine, self._clients.objects)
         self._config = ConfigRoutes(self._clients)
         self._saving = scope.ScopeRoutes(machine)
         self._failure: BaseException | None = None
         self._acceptor = Acceptor(listening)
         gate = AccessMiddleware(
-            self._application(), page_address.door, self._keys, page_address.cookie, self._acceptor.let_in
+            self._application(),
+            page_address.served_origin,
+            self._keys,
+            page_address.cookie,
+            self._acceptor.note_admission,
         )
         self._uvicorn = uvicorn.Server(
             uvicorn.Config(
@@ -112,14 +116,14 @@ class PageServer:
         """
         self._thread.start()
         waited = threading.Event()
-        for _ in range(int(_PATIENCE / 0.02)):
+        for _ in range(int(_START_TIMEOUT / 0.02)):
             if self._uvicorn.started or not self._thread.is_alive():
                 break
             waited.wait(0.02)
         if not self._uvicorn.started:
             raise StateError(
                 "the page could not be served",
-                observed=str(self._failure or f"it took more than {_PATIENCE:g} s"),
+                observed=str(self._failure or f"it took more than {_START_TIMEOUT:g} s"),
             )
 
     def end(self) -> None:
@@ -147,15 +151,15 @@ class PageServer:
 
     def _application(self) -> FastAPI:
         application = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
-        application.add_api_websocket_route(OWN_SOCKET, self._serve)
+        application.add_api_websocket_route(PAGE_VALUES_SOCKET, self._serve)
         application.add_api_websocket_route(SCOPE, self._scope)
         application.add_api_route(STOP, self._stop, methods=["POST"])
-        application.add_api_route(f"{OBJECTS}/{{node}}", self._book)
-        application.add_route(BRING_FILE, self._config.bring, methods=["POST"])
+        application.add_api_route(f"{OBJECTS}/{{node}}", self._dictionary)
+        application.add_route(UPLOAD_FILE, self._config.upload, methods=["POST"])
         application.add_route(BACKUP, self._config.made, methods=["GET"])
         application.add_route(SAVE_SAMPLES, self._saving.save, methods=["POST"])
         application.add_api_route(f"{TRIALS}/{{number}}", self._trial)
-        application.mount("/own", StaticFiles(directory=OWN))
+        application.mount("/own", StaticFiles(directory=STATIC))
         add_page(application, self._machine, self._pages)
         # The library's own lifespan inspects every object of the program, and some of canopen's must not be inspected.
         application.router.lifespan_context = self._lifespan
@@ -167,8 +171,8 @@ class PageServer:
     async def _scope(self, websocket: WebSocket) -> None:
         await self._hub.serve(websocket)
 
-    async def _book(self, node: int) -> Response:
-        return Response(await self._books.page(node), media_type="application/json")
+    async def _dictionary(self, node: int) -> Response:
+        return Response(await self._dictionaries.page(node), media_type="application/json")
 
     async def _trial(self, number: int) -> Response:
         found = self._clients.trials.outcome(number)
@@ -182,9 +186,9 @@ class PageServer:
 
     @asynccontextmanager
     async def _lifespan(self, _: FastAPI) -> AsyncIterator[None]:
-        looking = asyncio.create_task(self._live.run())
-        looking.add_done_callback(self._ended)
-        working = asyncio.create_task(self._worker.run())
+        update_task = asyncio.create_task(self._live.run())
+        update_task.add_done_callback(self._ended)
+        worker_task = asyncio.create_task(self._worker.run())
         try:
             async with nicegui.app.router.lifespan_context(nicegui.app):
                 accepting = asyncio.create_task(self._acceptor.run(self._protocol, self._uvicorn.config.ssl))
@@ -192,8 +196,8 @@ class PageServer:
                 yield
                 accepting.cancel()
         finally:
-            looking.cancel()
-            working.cancel()
+            update_task.cancel()
+            worker_task.cancel()
 
     def _protocol(self) -> asyncio.Protocol:
         """Return the protocol of one connection, as uvicorn itself makes it."""
@@ -204,10 +208,10 @@ class PageServer:
         )
         return made
 
-    def _ended(self, looking: asyncio.Task[None]) -> None:
+    def _ended(self, update_task: asyncio.Task[None]) -> None:
         """End the server if its update loop or its acceptor ends: nothing would end a jog, or no new page could stop an axis."""
-        if not looking.cancelled():
-            self._failure = looking.exception()
+        if not update_task.cancelled():
+            self._failure = update_task.exception()
             self._uvicorn.should_exit = True
 
 
@@ -229,15 +233,15 @@ class PageLogThread(QueueHandler):
 def logging_aside() -> Iterator[None]:
     """Log to standard error in a thread of its own within the block."""
     waiting: queue.Queue[logging.LogRecord] = queue.Queue(_WAITING)
-    writer, aside, root = logging.StreamHandler(sys.stderr), PageLogThread(waiting), logging.getLogger()
+    writer, log_thread, root = logging.StreamHandler(sys.stderr), PageLogThread(waiting), logging.getLogger()
     writer.setFormatter(PrintableFormatter())
     listener = QueueListener(waiting, writer)
     listener.start()
-    root.addHandler(aside)
+    root.addHandler(log_thread)
     try:
         yield
     finally:
-        root.removeHandler(aside)
+        root.removeHandler(log_thread)
         with suppress(queue.Full):  # a blocked writer is abandoned: its thread ends with the process
             listener.enqueue_sentinel()
 
@@ -245,8 +249,8 @@ def logging_aside() -> Iterator[None]:
 # -- HTTP requests of the page for its DCFs: upload a file, download the last backup; only for the browser of that page ----
 
 _NOT_FOUND, _TOO_LARGE, _BUSY = 404, 413, 503
-_AT_ONCE = 2  # files that are parsed at the same time; the others wait
-_UPLOAD_PATIENCE = 10.0  # seconds that an upload may take
+_MAX_PARSED = 2  # files that are parsed at the same time; the others wait
+_UPLOAD_TIMEOUT = 10.0  # seconds that an upload may take
 
 
 class ConfigRoutes:
@@ -255,31 +259,31 @@ class ConfigRoutes:
     def __init__(self, clients: PageClients) -> None:
         """``clients`` has the pages and their files."""
         self._clients = clients
-        self._coming: set[int] = set()
-        self._turn = asyncio.Semaphore(_AT_ONCE)
+        self._uploading: set[int] = set()
+        self._parse_slots = asyncio.Semaphore(_MAX_PARSED)
 
-    async def bring(self, request: Request) -> Response:
+    async def upload(self, request: Request) -> Response:
         """Accept a file of a page and return its description; an invalid file is not stored."""
         page = self._page(request)
         if page is None:
             return Response(status_code=_NOT_FOUND)
         browser = request.scope[SESSION].number
-        if browser in self._coming:
+        if browser in self._uploading:
             return Response(status_code=_BUSY)
-        self._coming.add(browser)
+        self._uploading.add(browser)
         try:
-            async with asyncio.timeout(_UPLOAD_PATIENCE):
+            async with asyncio.timeout(_UPLOAD_TIMEOUT):
                 file = Dcf(named(request.query_params.get("name", "")), await request.body())
-            return await self._taken(page, file)
+            return await self._parsed(page, file)
         except (ClientDisconnect, TimeoutError):
             return Response(status_code=_TOO_LARGE)
         finally:
-            self._coming.discard(browser)
+            self._uploading.discard(browser)
 
     async def made(self, request: Request) -> Response:
         """Return the last backup of a page."""
         page = self._page(request)
-        file = None if page is None else self._files.of(page, MADE)
+        file = None if page is None else self._files.of(page, BACKED_UP)
         if file is None:
             return Response(status_code=_NOT_FOUND)
         attached = {
@@ -287,12 +291,12 @@ class ConfigRoutes:
         }  # the server made this name: it needs no escaping
         return Response(file.data, media_type="application/octet-stream", headers=attached)
 
-    async def _taken(self, page: int, file: Dcf) -> Response:
-        async with self._turn:
-            told = await asyncio.to_thread(_described, file)
-        if told["error"] is None and page in self._clients.clients and len(file.data) <= MOST:
-            self._files.keep(page, BROUGHT, file)
-        return Response(json.dumps(told), media_type="application/json")
+    async def _parsed(self, page: int, file: Dcf) -> Response:
+        async with self._parse_slots:
+            description = await asyncio.to_thread(_described, file)
+        if description["error"] is None and page in self._clients.clients and len(file.data) <= MAX_SIZE:
+            self._files.store(page, UPLOADED, file)
+        return Response(json.dumps(description), media_type="application/json")
 
     @property
     def _files(self) -> PageFiles:
@@ -308,12 +312,12 @@ class ConfigRoutes:
         )
         if client is None or client.session != request.scope[SESSION].number:
             return None
-        return client.seat.number
+        return client.identity.number
 
 
 def _described(file: Dcf) -> Values:
     """Return the description of a file, or why it is invalid."""
     try:
-        return {"name": file.name, "text": file_process.about(file), "error": None}
+        return {"name": file.name, "text": file_process.summary(file), "error": None}
     except AxisbusError as error:
         return {"name": file.name, "text": "", "error": bounded_texts(explained(error))}

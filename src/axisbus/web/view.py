@@ -42,7 +42,7 @@ def one_axis(axis: Axis, parameters: AxisParameters, now: float) -> Values:
     known = _state(axis) is not None and image_age < _OLD
     mode = None if snapshot.mode is None else ModeOfOperation(snapshot.mode)
     word = snapshot.statusword if known else None
-    decimals = places(abs(parameters.units.position.to_units(1)))
+    decimals = decimals_for(abs(parameters.units.position.to_units(1)))
     return {
         "known": known,
         "state": snapshot.state.value if known else UNKNOWN,
@@ -96,7 +96,7 @@ def _value(axis: Axis, name: str, known: bool) -> float | None:
 NEAR = 0.8  # fraction of the distance from the middle to a limit
 UNKNOWN = "unknown"
 _NEAR, _BEYOND = "near its limit", "beyond its limit"
-_NOT_HOMED, _NOT_LED = "applies after homing", "applies while it follows position set-points"
+_NOT_HOMED, _NOT_FOLLOWING = "applies after homing", "applies while it follows position set-points"
 
 
 Span = tuple[float, float]
@@ -105,7 +105,7 @@ Span = tuple[float, float]
 _DECIMALS = range(3, 7)
 
 
-def places(increment: float) -> int:
+def decimals_for(increment: float) -> int:
     """Return the number of decimals to show for values with this increment: 3 to 6, so that one increment is visible."""
     needed = math.ceil(-math.log10(increment)) if increment > 0 else 0
     return min(max(needed, _DECIMALS[0]), _DECIMALS[-1])
@@ -125,7 +125,7 @@ class Bar(NamedTuple):
     name: str
     title: str
     unit: str
-    span: Span | None
+    bounds: Span | None
     slack: float = 0.0
     decimals: int = _DECIMALS[0]
 
@@ -149,7 +149,7 @@ def bars_of(parameters: AxisParameters) -> list[Bar]:
     units, limits = parameters.units, parameters.limits
     unit, increment = units.position.unit, abs(units.position.to_units(1))
     torque = "of rated torque" if units.rated_torque is None else "N·m"
-    slack, decimals = parameters.position_tolerance * increment, places(increment)
+    slack, decimals = parameters.position_tolerance * increment, decimals_for(increment)
     lag = _both(_lag(parameters, increment))
     return [
         Bar("position", "Position", unit, limits.position, slack, decimals),
@@ -159,13 +159,13 @@ def bars_of(parameters: AxisParameters) -> list[Bar]:
     ]
 
 
-def mark(bar: Bar, value: float | None, loose: str = "") -> BarValue:
-    """Return the contents of a bar for a value, None if unknown; ``loose``: why its limits do not apply now, empty if they do."""
-    if value is None or bar.span is None:
+def mark(bar: Bar, value: float | None, not_enforced: str = "") -> BarValue:
+    """Return the contents of a bar for a value, None if unknown; ``not_enforced``: why its limits do not apply now, else empty."""
+    if value is None or bar.bounds is None:
         return BarValue(UNKNOWN if value is None else number(value, bar.decimals))
-    low, high = bar.span
+    low, high = bar.bounds
     at, zero = (min(1.0, max(0.0, (each - low) / (high - low))) for each in (value, 0.0))
-    kind, told = ("loose", loose) if loose else _judged(bar.span, bar.slack, value)
+    kind, told = ("loose", not_enforced) if not_enforced else _judged(bar.bounds, bar.slack, value)
     return BarValue(number(value, bar.decimals), min(high, max(low, value)), at, zero, kind, told)
 
 
@@ -173,26 +173,26 @@ def marks(
     parameters: AxisParameters, snapshot: Snapshot, read: Callable[[str], float | None]
 ) -> dict[str, dict[str, object]]:
     """Return the contents of each bar of an axis, by name; ``read`` returns a value by name, None if it is unknown."""
-    why = _loose(parameters, snapshot)
+    why = _not_enforced(parameters, snapshot)
     return {
         bar.name: mark(bar, read(bar.name), why.get(bar.name, ""))._asdict()
         for bar in bars_of(parameters)
-        if bar.span is not None
+        if bar.bounds is not None
     }
 
 
-def _loose(parameters: AxisParameters, snapshot: Snapshot) -> dict[str, str]:
+def _not_enforced(parameters: AxisParameters, snapshot: Snapshot) -> dict[str, str]:
     """Return the limits that are not enforced at present, with the reason."""
     found = {}
     if parameters.homing.required and not snapshot.homed:
         found["position"] = _NOT_HOMED
     if snapshot.power_state is not PowerState.OPERATION_ENABLED or snapshot.mode not in FOLLOWED:
-        found["following_error"] = _NOT_LED
+        found["following_error"] = _NOT_FOLLOWING
     return found
 
 
-def _judged(span: Span, slack: float, value: float) -> tuple[str, str]:
-    middle, half = (span[0] + span[1]) / 2, (span[1] - span[0]) / 2
+def _judged(bounds: Span, slack: float, value: float) -> tuple[str, str]:
+    middle, half = (bounds[0] + bounds[1]) / 2, (bounds[1] - bounds[0]) / 2
     off = abs(value - middle)
     if off > half + slack:
         return "beyond", _BEYOND
@@ -205,11 +205,11 @@ def _both(limit: float | None) -> Span | None:
 
 def _lag(parameters: AxisParameters, increment: float) -> float | None:
     """Return the largest following error in units: from the cell file, else from the drive's 6065h; rounded to its resolution."""
-    own = parameters.following_error
-    own = parameters.drive_following_error if own is None else own
-    if own is None:
+    from_drive = parameters.following_error
+    from_drive = parameters.drive_following_error if from_drive is None else from_drive
+    if from_drive is None:
         return None
-    return round(own * increment, math.floor(-math.log10(increment))) or own * increment
+    return round(from_drive * increment, math.floor(-math.log10(increment))) or from_drive * increment
 
 
 # -- Replace the calls in an error text of the library by the buttons of the page --------------------------------------
@@ -269,18 +269,18 @@ class PageIncident:
     lines: tuple[str, ...] = ()
     remedy: str = ""
 
-    def told(self, now: float) -> Values:
+    def as_values(self, now: float) -> Values:
         """Return the incident as plain values."""
         ago = "now" if self.stamp is None else f"{max(0.0, now - self.stamp):.0f} s ago"
         return {"ago": ago, "what": self.what, "lines": list(self.lines), "remedy": self.remedy}
 
 
-def whole_cell(machine: Machine, beside: list[str], now: float) -> Values:
-    """Return the state of the cell without its axes; ``beside`` are the lines about bus, cycle and programs. May block."""
+def whole_cell(machine: Machine, status_lines: list[str], now: float) -> Values:
+    """Return the state of the cell without its axes; ``status_lines`` are the lines about bus, cycle and programs. May block."""
     return {
         "nodes": [_node(machine, report) for report in machine.reports],
-        "beside": [*beside, *_controller(machine)],
-        "incidents": [happening.told(now) for happening in happenings(machine)],
+        "beside": [*status_lines, *_controller(machine)],
+        "incidents": [incident.as_values(now) for incident in incidents_of(machine)],
         "command": _command(machine),
     }
 
@@ -293,10 +293,10 @@ def _command(machine: Machine) -> Values:
     return {"ours": machine.has_control, "by": holder}
 
 
-def happenings(machine: Machine) -> list[PageIncident]:
+def incidents_of(machine: Machine) -> list[PageIncident]:
     """Return the incidents, newest first; the errors of axes in ErrorStop come before all others."""
     found = [*_of_nodes(machine), *_of_bus(machine), *_events(machine)]
-    found.sort(key=lambda happening: happening.stamp or 0.0, reverse=True)
+    found.sort(key=lambda incident: incident.stamp or 0.0, reverse=True)
     return [*_of_axes(machine), *found][:_SHOWN]
 
 

@@ -12,7 +12,7 @@ import click
 from axisbus.check.run import checked
 from axisbus.cli.shared.common import OK, say
 from axisbus.cli.shared.options import PATH, listen_option, port_option
-from axisbus.gateway.machine_follower import Look, MachineFollower
+from axisbus.gateway.machine_follower import MachineFollower, Poll
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from axisbus.gateway.metrics_exporter import Exporter
 
 _PORT = 9402
-_LOOK = 1.0  # seconds between two updates of the counters
+_POLL_PERIOD = 1.0  # seconds between two updates of the counters
 
 
 @click.command("metrics")
@@ -44,17 +44,17 @@ def command(cell: Path, port: int, listen: str) -> int:
     server = MetricsServer(exporter, listen, port)
     try:
         say(f"served: {server.url}")
-        MachineFollower(cell, say).run(lambda machine: _served(machine, exporter), _LOOK)
+        MachineFollower(cell, say).run(lambda machine: _served(machine, exporter), _POLL_PERIOD)
     finally:
         server.close()
     return OK
 
 
 @contextmanager
-def _served(machine: Machine, exporter: Exporter) -> Iterator[Look]:
+def _served(machine: Machine, exporter: Exporter) -> Iterator[Poll]:
     """Export the metrics of a machine."""
     exporter.machine = machine
     try:
-        yield exporter.look
+        yield exporter.poll
     finally:
         exporter.machine = None

@@ -17,9 +17,9 @@ from axisbus.cli.shared.options import PATH, listen_option, port_option
 from axisbus.cli.web import certificate_files
 from axisbus.errors import StateError
 from axisbus.gateway.machine_events import MachineEventSource
-from axisbus.gateway.machine_follower import Look, MachineFollower
+from axisbus.gateway.machine_follower import MachineFollower, Poll
 from axisbus.gateway.opcua import users as known
-from axisbus.gateway.opcua.event_mapping import told
+from axisbus.gateway.opcua.event_mapping import opcua_events
 from axisbus.gateway.opcua.server_options import Given, ServerOptions, decide
 from axisbus.machine.machine import Machine
 from axisbus.optional_dependencies import require
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 _PORT = 4840
 
 
-_LOOK = 0.5  # seconds between two checks for events
+_POLL_PERIOD = 0.5  # seconds between two checks for events
 
 
 @click.command("opcua")
@@ -79,17 +79,19 @@ def command(
     access = decide(Given(loopback, encrypted, trust is not None, users is not None, insecure))
     config = checked(cell)
     allowed = None if users is None else known.read(users)
-    keeping = ServerOptions(access, certificate, key, trust, allowed, allow_reset, float(rate))
+    server_options = ServerOptions(access, certificate, key, trust, allowed, allow_reset, float(rate))
     listening, _ = served.opened(listen, port, tls=encrypted)
     with closing(listening):
-        server = make_server(config, cell.stem, listening, keeping)
+        server = make_server(config, cell.stem, listening, server_options)
         with closing(server):
             say(f"served: {server.url}")
             _serve(cell, server)
     return OK
 
 
-def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: ServerOptions) -> OpcUaServer:
+def make_server(
+    cell: CellConfig, name: str, listening: socket.socket, server_options: ServerOptions
+) -> OpcUaServer:
     """Return the server on a bound socket; blocks for seconds while its library is loaded.
 
     Raises:
@@ -97,7 +99,7 @@ def make_server(cell: CellConfig, name: str, listening: socket.socket, keeping: 
     """
     from axisbus.gateway.opcua.server import OpcUaServer
 
-    return OpcUaServer(cell, name, listening, keeping)
+    return OpcUaServer(cell, name, listening, server_options)
 
 
 def _serve(cell: Path, server: OpcUaServer) -> None:
@@ -106,19 +108,19 @@ def _serve(cell: Path, server: OpcUaServer) -> None:
     Raises:
         StateError: the server has ended unexpectedly.
     """
-    happenings = MachineEventSource()
+    event_source = MachineEventSource()
     MachineFollower(cell, say).run(
-        lambda machine: _served(machine, server, happenings), _LOOK, lambda: server.alive
+        lambda machine: _served(machine, server, event_source), _POLL_PERIOD, lambda: server.alive
     )
     raise StateError("the OPC UA server has ended unexpectedly", remedy="start it again")
 
 
 @contextmanager
-def _served(machine: Machine, server: OpcUaServer, happenings: MachineEventSource) -> Iterator[Look]:
+def _served(machine: Machine, server: OpcUaServer, event_source: MachineEventSource) -> Iterator[Poll]:
     """Serve a machine and its events."""
     server.follow(machine)
     try:
-        yield lambda: server.tell(told(happenings.look(machine, server.now())), _devices(machine))
+        yield lambda: server.report(opcua_events(event_source.poll(machine, server.now())), _devices(machine))
     finally:
         server.follow(None)
 

@@ -132,17 +132,19 @@ def command(
     network.require_zenoh()
     keys = ZenohCellKeys(named("the plant", plant), named("the cell", cell.stem if name is None else name))
     joints = ros_of(**ros)
-    wanted = ZenohNetwork(connect, listen, scouting, config, _RECEIVES if joints is None else RECEIVES)
-    network.require_reachable(wanted)
+    network_options = ZenohNetwork(
+        connect, listen, scouting, config, _RECEIVES if joints is None else RECEIVES
+    )
+    network.require_reachable(network_options)
     checked(cell)
     if recordings is not None and not recordings.is_dir():
         raise StateError(
             f"{recordings} is not a folder", remedy="name the folder that contains the recordings"
         )
     with ExitStack() as stack:
-        session = network.opened(wanted)
+        session = network.opened(network_options)
         stack.callback(session.close)
-        signal.signal(signal.SIGTERM, _leave)
+        signal.signal(signal.SIGTERM, _raise_interrupt)
         if connect:
             network.connected(session, _CONNECTED)
         from axisbus.gateway.zenoh.bridge import Bridge, Cell
@@ -154,5 +156,5 @@ def command(
     return OK
 
 
-def _leave(_number: int, _frame: object) -> None:
+def _raise_interrupt(_number: int, _frame: object) -> None:
     sys.exit(143)  # unwinds all declarations, as Ctrl-C does

@@ -44,7 +44,7 @@ from axisbus.wording import counted
 @click.option("--json", "as_json", is_flag=True, help="Print the values read as JSON.")
 def backup_command(
     node: str,
-    asked: NodeOptions,
+    options: NodeOptions,
     output: Path | None,
     concise_out: Path | None,
     force: bool,
@@ -55,22 +55,22 @@ def backup_command(
     Without --eds or --cell, the EDS is read from the drive (1021h); if the drive has none, the objects of the standard are read
     one by one.
     """
-    require_bus(asked)
+    require_bus(options)
     require_free(output, concise_out, force=force)
     if output is None:
         require_writable(Path(file_name(1, None)))  # checks this folder; the complete name is known later
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = NodeFiles.of(options.cell, options.eds)
     node_id = files.address(node.rstrip(":")).node_id
     with ExitStack() as stack:
-        device = open_nodes(stack, asked, files, [node_id]).node(node_id)
-        who = read_identity(device.sdo)
-        target = output or _free_default(node_id, who.serial, force=force)
-        made, origin = _taken(stack, asked, files, device, target.name)
-    written = _write(made, target, concise_out)
+        device = open_nodes(stack, options, files, [node_id]).node(node_id)
+        identity = read_identity(device.sdo)
+        target = output or _free_default(node_id, identity.serial, force=force)
+        saved, origin = _backup(stack, options, files, device, target.name)
+    written = _write(saved, target, concise_out)
     if as_json:
-        say_json(_plain(made, who, origin, written))
+        say_json(_plain(saved, identity, origin, written))
     else:
-        _show(made, who, origin, node_id, written)
+        _show(saved, identity, origin, node_id, written)
     return OK
 
 
@@ -80,18 +80,18 @@ def _free_default(node_id: int, serial: int | None, *, force: bool) -> Path:
     return target
 
 
-def _taken(
-    stack: ExitStack, asked: NodeOptions, files: NodeFiles, device: ByObjects, name: str
+def _backup(
+    stack: ExitStack, options: NodeOptions, files: NodeFiles, device: ByObjects, name: str
 ) -> tuple[DcfBackup, str]:
     reading, origin = node_reading(files, device)
     settings = Settings(
         device.node_id,
-        baudrate(asked, files, reading),
+        baudrate(options, files, reading),
         file_name=name,
         last_eds=Path(reading.eds.source).name if eds_file(files, device.node_id) else None,
     )
-    tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
-    return backup(device.sdo, reading, settings, tell, partial(_restarts, device)), origin
+    on_progress = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
+    return backup(device.sdo, reading, settings, on_progress, partial(_restarts, device)), origin
 
 
 def _restarts(device: ByObjects) -> float:
@@ -101,11 +101,11 @@ def _restarts(device: ByObjects) -> float:
     return device.nmt.bootups if isinstance(device, CanopenNode) else 0
 
 
-def _write(made: DcfBackup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
+def _write(saved: DcfBackup, target: Path, concise_out: Path | None) -> list[tuple[Path, int]]:
     stream = None
     if concise_out is not None:
-        stream = concise.encode(configuration(made.reading).writes)
-    data = writer.dumps(made.reading)
+        stream = concise.encode(configuration(saved.reading).writes)
+    data = writer.dumps(saved.reading)
     write_whole(target, data)
     written = [(target, len(data))]
     if concise_out is not None and stream is not None:
@@ -115,30 +115,30 @@ def _write(made: DcfBackup, target: Path, concise_out: Path | None) -> list[tupl
 
 
 def _show(
-    made: DcfBackup, who: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
+    saved: DcfBackup, identity: NodeIdentity, origin: str, node_id: int, written: list[tuple[Path, int]]
 ) -> None:
-    for line in report_text.device(who, origin, node_id):
+    for line in report_text.device(identity, origin, node_id):
         say(line)
-    for each in made.left_out:
-        say(f"  left out: {report_text.place(each)}: {each.reason}")
+    for each in saved.left_out:
+        say(f"  left out: {report_text.address(each)}: {each.reason}")
     for path, size in written:
         say(f"{path}: {counted(size, 'octet')}")
-    say(report_text.read(made))
+    say(report_text.read(saved))
     say_next(f"bring it back: axisbus config restore {written[0][0]} {node_id} ...")
 
 
 def _plain(
-    made: DcfBackup, who: NodeIdentity, origin: str, written: list[tuple[Path, int]]
+    saved: DcfBackup, identity: NodeIdentity, origin: str, written: list[tuple[Path, int]]
 ) -> dict[str, object]:
     return {
         "files": [str(path) for path, _ in written],
         "eds": origin,
-        "vendor_id": who.vendor_id,
-        "product_code": who.product_code,
-        "revision": who.revision,
-        "serial": who.serial,
-        "read": made.values,
-        "left_out": [{**report_text.identified(each), "reason": each.reason} for each in made.left_out],
+        "vendor_id": identity.vendor_id,
+        "product_code": identity.product_code,
+        "revision": identity.revision,
+        "serial": identity.serial,
+        "read": saved.values,
+        "left_out": [{**report_text.identified(each), "reason": each.reason} for each in saved.left_out],
     }
 
 
@@ -153,7 +153,7 @@ def _plain(
     "--all", "everything", is_flag=True, help="Also compare read-only objects, such as actual values."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the differences as JSON.")
-def diff_command(one: str, other: str | None, asked: NodeOptions, everything: bool, as_json: bool) -> int:
+def diff_command(one: str, other: str | None, options: NodeOptions, everything: bool, as_json: bool) -> int:
     """Compare configurations: FILE FILE, FILE NODE (the node as it is now), or NODE alone (with the defaults of its EDS).
 
     A file is a DCF or an EDS; a node is its ID, or an axis of --cell. The identity and the settings are compared; controlword,
@@ -164,14 +164,14 @@ def diff_command(one: str, other: str | None, asked: NodeOptions, everything: bo
     axisbus config diff x.dcf 5 -i socketcan -c can0
     axisbus config diff 5 -i socketcan -c can0 --eds drive.eds
     """
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = NodeFiles.of(options.cell, options.eds)
     named = [each for each in (one, other) if each is not None and not _is_node(files, each)]
     nodes = [each for each in (one, other) if each is not None and _is_node(files, each)]
     if len(nodes) > 1 or (not nodes and len(named) < 2):
         raise click.UsageError("compare FILE with FILE, FILE with NODE, or NODE with its own EDS")
     if nodes:
-        require_bus(asked)
-        comparison, names = _with_node(asked, files, nodes[0], named, everything, quiet=as_json)
+        require_bus(options)
+        comparison, names = _with_node(options, files, nodes[0], named, everything, quiet=as_json)
     else:
         comparison, names = _of_files(named[0], named[1], everything)
     if as_json:
@@ -188,11 +188,11 @@ def _is_node(files: NodeFiles, text: str) -> bool:
 def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple[str, str]]:
     first, second = (read_file(each).eds for each in (one, other))
     entries = list(compare.entries(first, everything=everything))
-    there = {(each.index, each.subindex) for each in entries}
+    selected = {(each.index, each.subindex) for each in entries}
     entries += [
         each
         for each in compare.entries(second, everything=everything)
-        if (each.index, each.subindex) not in there
+        if (each.index, each.subindex) not in selected
     ]
     node_id = (
         first.node_id or second.node_id
@@ -203,26 +203,26 @@ def _of_files(one: str, other: str, everything: bool) -> tuple[Comparison, tuple
 
 
 def _with_node(
-    asked: NodeOptions, files: NodeFiles, node: str, named: list[str], everything: bool, *, quiet: bool
+    options: NodeOptions, files: NodeFiles, node: str, named: list[str], everything: bool, *, quiet: bool
 ) -> tuple[Comparison, tuple[str, str]]:
     node_id = files.address(node).node_id
     given = read_file(named[0]).eds if named else None  # read before the bus is opened
     if given is not None:
         files = files.described_by(node_id, given)
     with ExitStack() as stack:
-        device = open_nodes(stack, asked, files, [node_id]).node(node_id)
+        device = open_nodes(stack, options, files, [node_id]).node(node_id)
         eds = given or node_reading(files, device)[0].eds
-        tell = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
-        found = compare.against(device, eds, tell, everything=everything)
+        on_progress = stack.enter_context(progress_bar(f"reading node {node_id}", quiet=quiet))
+        found = compare.against(device, eds, on_progress, everything=everything)
     return found, (eds.source, f"node {node_id}")
 
 
 def _diff_show(comparison: Comparison, names: tuple[str, str]) -> None:
     left, right = map(report_text.short, names)
     for each in comparison.differences:
-        mine, other = report_text.sides(each)
-        says = each.note or f"{left} {mine}, {right} {other}"
-        say(f"{report_text.place(each.variable)}: {says}")
+        shown_value, other = report_text.sides(each)
+        difference = each.note or f"{left} {shown_value}, {right} {other}"
+        say(f"{report_text.address(each.variable)}: {difference}")
     say(report_text.compared(comparison))
     if comparison.differences and right.startswith("node "):
         say_next(

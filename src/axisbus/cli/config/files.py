@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 Key = tuple[int, int]
 
 
-Tell = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
 
 
 def read_file(spec: str | Path) -> EdsParseResult:
@@ -53,22 +53,24 @@ def node_reading(files: NodeFiles, node: ByObjects) -> tuple[EdsParseResult, str
         return read_file(given), given
     from axisbus.bus.node.from_device import skeleton, stored_eds
 
-    with progress_bar(f"asking node {node.node_id} for its objects") as tell:
+    with progress_bar(f"asking node {node.node_id} for its objects") as on_progress:
         data = stored_eds(node.sdo)
         if data is not None:
             return reader.read(data, f"1021h of node {node.node_id}"), "the EDS that the drive stores (1021h)"
-        made = writer.dumps(skeleton(node.sdo, tell))
+        skeleton_text = writer.dumps(skeleton(node.sdo, on_progress))
     what = "a skeleton of the standard objects that exist in it (no maker's objects: give --eds)"
-    return reader.read(made, f"skeleton of node {node.node_id}"), what
+    return reader.read(skeleton_text, f"skeleton of node {node.node_id}"), what
 
 
-def baudrate(asked: NodeOptions, files: NodeFiles, reading: EdsParseResult) -> int | None:
+def baudrate(options: NodeOptions, files: NodeFiles, reading: EdsParseResult) -> int | None:
     """Return the bus's bit rate in kbit/s for a DCF; None if it is unknown, or the EDS does not list it."""
     from axisbus.bus.link.listen import link_bitrate
     from axisbus.configuration.dcf_backup import known_rate
 
     cell = files.cell.bus.bitrate if files.cell is not None else None
-    return known_rate(reading, asked.bitrate or cell or link_bitrate(asked.interface or "", asked.channel))
+    return known_rate(
+        reading, options.bitrate or cell or link_bitrate(options.interface or "", options.channel)
+    )
 
 
 def keys(texts: tuple[str, ...], option: str) -> frozenset[Key]:

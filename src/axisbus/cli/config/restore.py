@@ -31,7 +31,7 @@ STOPPED = 130  # the exit code of shells for Ctrl-C
 
 
 @dataclass(frozen=True, slots=True)
-class _Wish:
+class _RestoreOptions:
     """The user's options apart from file and node."""
 
     include: frozenset[config_files.Key]
@@ -74,10 +74,12 @@ def _objects(
     help="Also write values beyond the file's limits; the drive may refuse them.",
 )
 @click.option("--dry-run", is_flag=True, help="Only show the values that would be written.")
-@packed(_Wish, "wish")
+@packed(_RestoreOptions, "restore_options")
 @click.option("--concise", is_flag=True, help="FILE is a concise DCF (1F22h); needs the EDS.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
-def command(file: str, node: str, asked: NodeOptions, wish: _Wish, concise: bool, as_json: bool) -> int:
+def command(
+    file: str, node: str, options: NodeOptions, restore_options: _RestoreOptions, concise: bool, as_json: bool
+) -> int:
     """Configure NODE as in FILE (a DCF): write the values that differ, in the order that a device accepts, and read every
     object again.
 
@@ -87,13 +89,13 @@ def command(file: str, node: str, asked: NodeOptions, wish: _Wish, concise: bool
 
     Exit code 1 when an object cannot be restored, 3 when the node or the bus fails during the restore.
     """
-    files = asked.files()
+    files = options.files()
     node_id = files.address(node).node_id
     eds = _concise_values(file, files, node_id) if concise else _values(file)
-    _selection(eds, node_id, eds.identity, wish)  # report missing values before the bus is opened
+    _selection(eds, node_id, eds.identity, restore_options)  # report missing values before the bus is opened
     with ExitStack() as stack:
-        device = NodeSession(stack, asked, files.described_by(node_id, eds), [node_id]).node(node_id)
-        return _run(stack, device, eds, wish, as_json)
+        device = NodeSession(stack, options, files.described_by(node_id, eds), [node_id]).node(node_id)
+        return _run(stack, device, eds, restore_options, as_json)
 
 
 def _values(file: str) -> Eds:
@@ -125,7 +127,7 @@ def _concise_values(file: str, files: NodeFiles, node_id: int) -> Eds:
 
 
 def _selection(
-    eds: Eds, node_id: int, who: Identity | NodeIdentity, wish: _Wish
+    eds: Eds, node_id: int, identity: Identity | NodeIdentity, restore_options: _RestoreOptions
 ) -> tuple[Selection, DrivePlugin]:
     """Select the values of the file for a device: the one that the file names, or the present one; also return its plug-in.
 
@@ -135,40 +137,46 @@ def _selection(
     from axisbus.configuration.dcf_values import select
     from axisbus.drives import registry
 
-    make = registry.of_identity(who)
-    return select(eds, node_id, make, wish.include, wish.exclude), make
+    make = registry.of_identity(identity)
+    return select(eds, node_id, make, restore_options.include, restore_options.exclude), make
 
 
-def _run(stack: ExitStack, device: CanopenNode, eds: Eds, wish: _Wish, as_json: bool) -> int:
+def _run(
+    stack: ExitStack, device: CanopenNode, eds: Eds, restore_options: _RestoreOptions, as_json: bool
+) -> int:
     from axisbus.configuration import preconditions
     from axisbus.configuration.dcf_values import require_within_limits
     from axisbus.configuration.restore import Restore
 
-    who = device.identity()
-    preconditions.require_same_device(eds, who, device.node_id, replacement=wish.replacement)
-    selection, make = _selection(eds, device.node_id, who, wish)
+    identity = device.identity()
+    preconditions.require_same_device(eds, identity, device.node_id, replacement=restore_options.replacement)
+    selection, make = _selection(eds, device.node_id, identity, restore_options)
     bars = stack.enter_context(ExitStack())
     restore = Restore(device.sdo, selection, bars.enter_context(progress_phases(quiet=as_json)))
-    differing = restore.look()
-    if not wish.ignore_limits:
+    differing = restore.read_present()
+    if not restore_options.ignore_limits:
         require_within_limits(differing, eds, device.node_id)
-    if wish.dry_run:
+    if restore_options.dry_run:
         return _dry(device.node_id, differing, selection, as_json)
-    found: dict[str, Any] = {"node": device.node_id, "file": eds.source, "cannot_store": _ready(device, wish)}
+    found: dict[str, Any] = {
+        "node": device.node_id,
+        "file": eds.source,
+        "cannot_store": _ready(device, restore_options),
+    }
     try:
-        report = _carry_out(device, restore, make, wish, found)
+        report = _execute(device, restore, make, restore_options, found)
     except (BusError, KeyboardInterrupt) as error:
         bars.close()
         return _cut_off(device.node_id, restore, error, found, as_json)
     found["in_ram_only"] = report.writes > 0 and "stored" not in found
-    tell(report, found, as_json)
+    report_result(report, found, as_json)
     if "store_refused" in found:
         say_error(found["store_refused"])
         return FAILURE
     return OK if report.ok else WRONG
 
 
-def _ready(device: CanopenNode, wish: _Wish) -> str:
+def _ready(device: CanopenNode, restore_options: _RestoreOptions) -> str:
     """Check that the node may be written to; return why it cannot store, empty if it can.
 
     Raises:
@@ -178,21 +186,25 @@ def _ready(device: CanopenNode, wish: _Wish) -> str:
 
     preconditions.require_at_rest(device)
     why_not = store_parameters.can_store(device)
-    if wish.store and why_not:
+    if restore_options.store and why_not:
         raise StateError(
             f"node {device.node_id} cannot store: {why_not}; nothing was written", remedy="leave --store out"
         )
     return why_not
 
 
-def _carry_out(
-    device: CanopenNode, restore: Restore, make: DrivePlugin, wish: _Wish, found: dict[str, Any]
+def _execute(
+    device: CanopenNode,
+    restore: Restore,
+    make: DrivePlugin,
+    restore_options: _RestoreOptions,
+    found: dict[str, Any],
 ) -> RestoreReport:
     """Write, store if requested, and read back; ``found`` gets the result of storing."""
     from axisbus.configuration import store_parameters
 
     report = restore.run()
-    if not (wish.store and report.ok):
+    if not (restore_options.store and report.ok):
         return report
     try:
         stored = store_parameters.store(device, make)
@@ -200,7 +212,7 @@ def _carry_out(
         found["store_refused"] = str(refusal)
         return report
     found["stored"] = {"restarted": stored.restarted, "seconds": stored.seconds}
-    restore.look()
+    restore.read_present()
     return restore.report()
 
 
@@ -219,7 +231,7 @@ def _dry(node_id: int, differing: list[Item], selection: Selection, as_json: boo
     else:
         for each in differing:
             say(
-                f"would write {report_text.place(each.variable)} = {report_text.data_shown(each.variable, each.data)}"
+                f"would write {report_text.address(each.variable)} = {report_text.data_shown(each.variable, each.data)}"
             )
         say(f"node {node_id}: {report_text.would(differing, selection)}")
     return WRONG if differing else OK
@@ -230,7 +242,7 @@ def _cut_off(
 ) -> int:
     """Report the progress of an aborted restore: another run continues from there."""
     report = restore.report()
-    tell(
+    report_result(
         report,
         {**found, "cut_off": str(error) or "stopped by Ctrl-C", "in_ram_only": report.writes > 0},
         as_json,
@@ -246,7 +258,7 @@ def _cut_off(
 # -- The report of ``axisbus config restore``, for people and as JSON --------------------------------------------------
 
 
-def tell(report: RestoreReport, found: dict[str, Any], as_json: bool) -> None:
+def report_result(report: RestoreReport, found: dict[str, Any], as_json: bool) -> None:
     """Print a report; ``found`` has the node, the file, and if it was stored (``stored``, ``in_ram_only``, ``cannot_store``)."""
     if as_json:
         say_json(_plain(report, found))
@@ -261,7 +273,7 @@ def _show(report: RestoreReport, found: dict[str, Any]) -> None:
         say(f"restored  {_change(each)}")
     for each in report.of(ValueEnd.UNVERIFIED, ValueEnd.DIFFERS):
         why = f" ({each.reason})" if each.reason else ""
-        say(f"{each.outcome.value}: {report_text.place(each.item.variable)}{why}")
+        say(f"{each.outcome.value}: {report_text.address(each.item.variable)}{why}")
     for each in report.of(ValueEnd.FAILED):
         say(f"FAILED    {_change(each)}: {each.reason}")
     for line in report_text.skipped(report.skipped):
@@ -288,10 +300,10 @@ def _show_memory(found: dict[str, Any], report: RestoreReport) -> None:
 
 def _change(each: Result) -> str:
     variable = each.item.variable
-    wanted = report_text.data_shown(variable, each.item.data)
+    target_text = report_text.data_shown(variable, each.item.data)
     before = report_text.data_shown(variable, each.before)
     now = "" if each.after == each.item.data else f", it is {report_text.data_shown(variable, each.after)}"
-    return f"{report_text.place(variable)}: {before} -> {wanted}{now}"
+    return f"{report_text.address(variable)}: {before} -> {target_text}{now}"
 
 
 def _plain(report: RestoreReport, found: dict[str, Any]) -> dict[str, Any]:

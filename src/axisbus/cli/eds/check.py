@@ -26,7 +26,7 @@ _FAILING = {
     "warning": {Severity.ERROR, Severity.WARNING},
     "note": set(Severity),
 }
-_MANY = 10  # files; with more, a progress bar is shown
+_BAR_FROM = 10  # files; with more, a progress bar is shown
 _Found = dict[str, tuple[EdsFinding, ...]]
 _Show = Callable[[str, Iterable[EdsFinding]], Iterable[str]]
 
@@ -109,7 +109,7 @@ def command(
         return misuse("--json and --sarif exclude each other: give one of them")
     if not files:
         return misuse("no file is given, such as: axisbus eds check drive.eds (or --list, --explain ID)")
-    found = _check_all(files, wanted, None if as_json or as_sarif else _shower(shown, each, as_lines))
+    found = _check_all(files, wanted, None if as_json or as_sarif else _printer(shown, each, as_lines))
     if as_json:
         say_json(plain(found))
     elif as_sarif:
@@ -118,10 +118,14 @@ def command(
         say_lines(summary(found, shown), styled=True)
         say_next(next_step(found))
     failing = _FAILING[fail_on]
-    return WRONG if any(one.severity in failing for every in found.values() for one in every) else OK
+    return (
+        WRONG
+        if any(one.severity in failing for all_findings in found.values() for one in all_findings)
+        else OK
+    )
 
 
-def _shower(shown: frozenset[Severity], each: bool, as_lines: bool) -> _Show:
+def _printer(shown: frozenset[Severity], each: bool, as_lines: bool) -> _Show:
     """Return a function that formats the findings of a file as lines."""
 
     def show(file: str, findings: Iterable[EdsFinding]) -> Iterable[str]:
@@ -137,13 +141,13 @@ def _check_all(files: Iterable[str], wanted: Callable[[str], bool], show: _Show 
     """Return the findings in each file; ``show`` formats them, so that each file is printed as soon as it is checked."""
     found: _Found = {}
     named = list(expanded(files))
-    with progress_bar("checking", quiet=show is not None or len(named) < _MANY) as tell:
+    with progress_bar("checking", quiet=show is not None or len(named) < _BAR_FROM) as on_progress:
         for number, file in enumerate(named, 1):
             found[file] = _check(file, wanted)
             if show is not None and (shown := list(show(file, found[file]))):
                 say_lines(shown, styled=True)
-            if tell is not None:
-                tell(number, len(named))
+            if on_progress is not None:
+                on_progress(number, len(named))
     return found
 
 
@@ -158,8 +162,8 @@ def explain_rule(rule: str, known: Mapping[str, Rule]) -> int:
     """Print the explanation of a rule; return the exit code."""
     found = table.RuleIds(known).starting(rule)
     if len(found) != 1:
-        there = f"rules that begin so: {', '.join(found)}" if found and rule else "all rules: --list"
-        return misuse(f"--explain: {rule[:20]!r} is not the id of a rule; {there}")
+        hint = f"rules that begin so: {', '.join(found)}" if found and rule else "all rules: --list"
+        return misuse(f"--explain: {rule[:20]!r} is not the id of a rule; {hint}")
     say_lines(explained(known[found[0]]), styled=True)
     return OK
 
@@ -184,7 +188,7 @@ def ids_of(given: Iterable[str]) -> list[str]:
 _COLOURS = {Severity.ERROR: "red", Severity.WARNING: "yellow", Severity.NOTE: "cyan"}
 _TEXT_WIDTH = 100
 FIRST = 3  # locations shown for a rule, unless all are requested
-_RULE_INDENT, _PLACE_INDENT, _REMEDY_INDENT = " " * 2, " " * 6, " " * 10
+_RULE_INDENT, _LOCATION_INDENT, _REMEDY_INDENT = " " * 2, " " * 6, " " * 10
 _Findings = Mapping[str, tuple[EdsFinding, ...]]
 
 
@@ -208,21 +212,21 @@ def _group(group: list[EdsFinding], *, each: bool) -> Iterator[str]:
     times = f" {counted(len(group), 'time')}" if len(group) > 1 else ""
     one_remedy = all(finding.remedy == first.remedy for finding in group)
     head = f"{first.severity.value} {first.rule}{times}: {rules()[first.rule].title}"
-    top, *more = _folded(f"{head} To do: {first.remedy}." if one_remedy else head, _RULE_INDENT)
+    top, *more = _wrapped(f"{head} To do: {first.remedy}." if one_remedy else head, _RULE_INDENT)
     word = first.severity.value
     yield top.replace(word, _coloured(word, first.severity), 1)
     yield from more
     shown = group if each or len(group) <= FIRST + 1 else group[:FIRST]
     for finding in shown:
-        line, column = place(finding)
-        yield from _folded(f"{line}:{column} {finding.message}", _PLACE_INDENT)
+        line, column = location(finding)
+        yield from _wrapped(f"{line}:{column} {finding.message}", _LOCATION_INDENT)
         if not one_remedy:
-            yield from map(_dim, _folded(f"to do: {finding.remedy}", _REMEDY_INDENT))
+            yield from map(_dim, _wrapped(f"to do: {finding.remedy}", _REMEDY_INDENT))
     if len(shown) < len(group):
-        yield _dim(f"{_PLACE_INDENT}and {len(group) - len(shown)} more (--all shows them)")
+        yield _dim(f"{_LOCATION_INDENT}and {len(group) - len(shown)} more (--all shows them)")
 
 
-def _folded(text: str, indent: str) -> list[str]:
+def _wrapped(text: str, indent: str) -> list[str]:
     """Return a text with an indent, folded to the terminal; in a pipe a line may have any length."""
     width, text = terminal_width(), printable(text)
     if width is None:
@@ -233,26 +237,26 @@ def _folded(text: str, indent: str) -> list[str]:
 def lines(file: str, findings: Iterable[EdsFinding]) -> Iterator[str]:
     """Yield ``file:line:column: severity ID message; remedy``, one line for each, in the order of the file's lines."""
     for finding in findings:
-        line, column = place(finding)
+        line, column = location(finding)
         word = _coloured(finding.severity.value, finding.severity)
         where = _bold(printable(f"{file}:{line}:{column}:"))
         yield f"{where} {word} {finding.rule} {printable(f'{finding.message}; {finding.remedy}')}"
 
 
-def place(finding: EdsFinding) -> tuple[int, int]:
+def location(finding: EdsFinding) -> tuple[int, int]:
     """Return line and column for editors: a finding about the whole file is shown at its beginning."""
     return max(1, finding.line), max(1, finding.column)
 
 
 def summary(found: _Findings, shown: Collection[Severity]) -> Iterator[str]:
     """Yield the count of each rule, unless the groups of the file show it already, and the totals."""
-    every = [(file, finding) for file, findings in found.items() for finding in findings]
-    visible = [(file, finding) for file, finding in every if finding.severity in shown]
+    all_findings = [(file, finding) for file, findings in found.items() for finding in findings]
+    visible = [(file, finding) for file, finding in all_findings if finding.severity in shown]
     if visible:
         yield ""
     if len(found) > 1:
         yield from _table(visible)
-    totals = Counter(finding.severity for _, finding in every)
+    totals = Counter(finding.severity for _, finding in all_findings)
     files = counted(len(found), "file") if len(found) > 1 else "in all" if visible else next(iter(found))
     yield f"{printable(files)}: " + ", ".join(
         _total(severity, totals[severity], shown) for severity in Severity
@@ -280,10 +284,10 @@ def _row_order(row: tuple[tuple[str, Severity], Counter[str]]) -> tuple[int, int
 
 def next_step(found: _Findings) -> str:
     """Return the next command to type: to learn about the worst finding, or to inspect the file."""
-    every = [finding for findings in found.values() for finding in findings]
-    if not every:
+    all_findings = [finding for findings in found.values() for finding in findings]
+    if not all_findings:
         return f"axisbus eds show {next(iter(found), 'FILE')}"
-    worst = min(every, key=lambda finding: finding.severity.rank)
+    worst = min(all_findings, key=lambda finding: finding.severity.rank)
     return f"axisbus eds check --explain {worst.rule}"
 
 
@@ -293,7 +297,7 @@ def plain(found: _Findings) -> dict[str, Any]:
 
 
 def _plain(file: str, finding: EdsFinding) -> dict[str, Any]:
-    line, column = place(finding)
+    line, column = location(finding)
     return {
         "file": file,
         "line": line,

@@ -45,14 +45,14 @@ def command(
     _require_source(file, cell, axis, as_c=as_c, node=node)
     _require_name(output, as_c=as_c)
     require_free(output, force=force)
-    text, said = _of_file(file, node, as_c=as_c) if file is not None else _of_cell(cell, node, axis)
+    text, described = _of_file(file, node, as_c=as_c) if file is not None else _of_cell(cell, node, axis)
     if output is None:
         say_text(text)
         return OK
     next_step = (
         f'in C: #include "{output.name}"' if as_c else f"in Python: from {output.stem} import Index, ENTRIES"
     )
-    write_and_say(output, text.encode(), f"written, {said}", next_step)
+    write_and_say(output, text.encode(), f"written, {described}", next_step)
     return OK
 
 

@@ -26,24 +26,24 @@ def nodes_of(file: Path, node: int | None, axis: str | None) -> list[NodePdos]:
         StateError: there is no such node or axis, or it has no PDOs.
     """
     cell = checked(file)
-    wanted = _wanted(cell, node, axis)
+    node_ids = _node_ids(cell, node, axis)
     case = CheckContext(cell, load_dictionaries(cell))
-    return [_planned(cell, *each) for each in case.nodes if each[0].node_id in wanted]
+    return [_planned(cell, *each) for each in case.nodes if each[0].node_id in node_ids]
 
 
-def _wanted(cell: CellConfig, node: int | None, axis: str | None) -> list[int]:
+def _node_ids(cell: CellConfig, node: int | None, axis: str | None) -> list[int]:
     if axis is not None:
         node = _node_of(cell, axis)
-    there = canopen_nodes(cell)
-    if node is None and there:
-        return there
-    remedy = f"name a node that speaks CANopen: --node {there[0]}" if there else ""
+    node_ids_of_cell = canopen_nodes(cell)
+    if node is None and node_ids_of_cell:
+        return node_ids_of_cell
+    remedy = f"name a node that speaks CANopen: --node {node_ids_of_cell[0]}" if node_ids_of_cell else ""
     if node is None:
         raise StateError("the cell has no node that speaks CANopen, so it has no PDOs")
     if node not in cell.nodes:
         known = ", ".join(map(str, cell.nodes)) or "none"
         raise UnknownNameError(f"the cell has no node {node}", observed=f"it has {known}", remedy=remedy)
-    if node not in there:
+    if node not in node_ids_of_cell:
         raise StateError(
             f"node {node} speaks {' or '.join(registry.protocols().values())}, and not CANopen: it has no PDOs",
             remedy=remedy,
@@ -64,16 +64,16 @@ def _planned(cell: CellConfig, node: NodeConfig, eds: Eds, dictionary: Dictionar
     layouts = [of_pdo(eds, pdo, receive=receive) for receive, pdo in travelling(cell, node, eds, dictionary)]
     layouts.sort(key=lambda each: (not each.receive, each.number))
     notes = beside_pdos(cell, node, eds, dictionary)
-    return NodePdos(node.node_id, _words(cell, node.node_id), eds, tuple(layouts), notes)
+    return NodePdos(node.node_id, _use_of(cell, node.node_id), eds, tuple(layouts), notes)
 
 
-def _words(cell: CellConfig, node_id: int) -> str:
+def _use_of(cell: CellConfig, node_id: int) -> str:
     """Return the use of a node: ``axes x, y``, ``inputs and outputs valve``."""
     axes = [axis.name for axis in cell.axes_of(node_id)]
     points = [each.name for each in cell.io_of(node_id)]
-    said = [
-        f"{words} {', '.join(names)}"
-        for words, names in (("axis" if len(axes) == 1 else "axes", axes), ("inputs and outputs", points))
+    uses = [
+        f"{noun} {', '.join(names)}"
+        for noun, names in (("axis" if len(axes) == 1 else "axes", axes), ("inputs and outputs", points))
         if names
     ]
-    return "; ".join(said) or "none of the cell's axes"
+    return "; ".join(uses) or "none of the cell's axes"

@@ -114,30 +114,30 @@ def _configured(
 
 
 def _assigned(eds: Eds, text: str) -> tuple[Variable, str]:
-    wanted, equals, given = text.partition("=")
+    address, equals, given = text.partition("=")
     if not equals:
         raise ArgumentError(
             f"--set {text!r} has no '='", remedy="write OBJECT=VALUE, such as --set 0x6081=1000"
         )
-    return assign.entry(eds, wanted), given
+    return assign.entry(eds, address), given
 
 
 def _write(reading: EdsParseResult, output: Path | None, concise_out: Path | None) -> None:
-    made = concise_dcf_values.configuration(reading) if concise_out is not None else None
+    concise_values = concise_dcf_values.configuration(reading) if concise_out is not None else None
     if output is not None:
         write_whole(output, writer.dumps(reading))
-        many = len(dcf.differing(reading.eds))
+        count = len(dcf.differing(reading.eds))
         say(
-            f"{output}: node {reading.eds.node_id}, {counted(many, 'value differs', 'values differ')} from the defaults"
+            f"{output}: node {reading.eds.node_id}, {counted(count, 'value differs', 'values differ')} from the defaults"
         )
-    if concise_out is not None and made is not None:
-        data = concise.encode(made.writes)
+    if concise_out is not None and concise_values is not None:
+        data = concise.encode(concise_values.writes)
         write_whole(concise_out, data)
         say(
-            f"{concise_out}: {counted(len(made.writes), 'write')}, {counted(len(data), 'octet')} "
+            f"{concise_out}: {counted(len(concise_values.writes), 'write')}, {counted(len(data), 'octet')} "
             f"for 1F22h:{reading.eds.node_id:02X}"
         )
-        for each in made.left_out:
+        for each in concise_values.left_out:
             say(
                 f"  left out: {each.index:04X}h:{each.subindex:02X} ({each.name}), access {each.access}: not for a download"
             )
@@ -148,9 +148,9 @@ def _write(reading: EdsParseResult, output: Path | None, concise_out: Path | Non
 def _to_eds(reading: EdsParseResult, output: Path | None) -> int:
     if output is None:
         raise click.UsageError("--to-eds needs -o FILE.eds")
-    made = dcf.to_eds(reading, output.name)
+    skeleton = dcf.to_eds(reading, output.name)
     next_step = f"axisbus eds check {output}"
-    write_and_say(output, writer.dumps(made), "written without node ID and values", next_step)
+    write_and_say(output, writer.dumps(skeleton), "written without node ID and values", next_step)
     return OK
 
 

@@ -58,8 +58,8 @@ def verify_command(
     with ExitStack() as stack:
         bus = open_bus(stack, *given)
         device = stack.enter_context(CanopenNode(bus, node, dictionary))
-        tell = stack.enter_context(progress_bar("reading objects", quiet=as_json))
-        result = verify(device.sdo, dictionary, tell)
+        on_progress = stack.enter_context(progress_bar("reading objects", quiet=as_json))
+        result = verify(device.sdo, dictionary, on_progress)
     if as_json:
         say_json(_plain(file, result))
     else:
@@ -125,13 +125,13 @@ def from_device_command(
         device = stack.enter_context(CanopenNode(bus, node))
         data = None
         if not only_skeleton:
-            with progress_bar("reading its EDS") as tell_bytes:
-                data = stored_eds(device.sdo, tell_bytes)
+            with progress_bar("reading its EDS") as on_bytes:
+                data = stored_eds(device.sdo, on_bytes)
         if data is not None:
             what = "the EDS that the drive stores"
         else:
-            tell = stack.enter_context(progress_bar("reading the standard objects"))
-            found = skeleton(device.sdo, tell, notes.append)
+            on_progress = stack.enter_context(progress_bar("reading the standard objects"))
+            found = skeleton(device.sdo, on_progress, notes.append)
             data = _HEADER.encode() + writer.dumps(as_file(found, target.name, datetime.now(), given.bitrate))
             what = f"a skeleton of {counted(len(found.objects), 'object')}"
     write_whole(target, data)

@@ -29,12 +29,12 @@ node_option = click.option(
 
 def expanded(files: Iterable[str]) -> Iterator[str]:
     """Yield each file once, with patterns (if the shell left them) replaced by the matching files."""
-    seen = set()
+    done_files = set()
     for given in files:
         pattern = glob.has_magic(given) and not Path(given).exists()
         for file in (sorted(glob.glob(given, recursive=True)) or [given]) if pattern else [given]:
-            if file not in seen:
-                seen.add(file)
+            if file not in done_files:
+                done_files.add(file)
                 yield file
 
 
@@ -45,12 +45,12 @@ def open_eds(file: str) -> Eds:
         EdsError: the file cannot be read, is not an EDS, or has more entries than a report can list.
     """
     eds = load(file)
-    there = sum(len(entry.subs) for entry in eds)
-    if there > MAX_ENTRIES:
+    count = sum(len(entry.subs) for entry in eds)
+    if count > MAX_ENTRIES:
         raise EdsError(
             "the file describes more entries than any device has",
             file=file,
-            observed=f"{counted(there, 'entry', 'entries')}, {MAX_ENTRIES} at most can be listed",
+            observed=f"{counted(count, 'entry', 'entries')}, {MAX_ENTRIES} at most can be listed",
             remedy=f"look at CompactSubObj in it: axisbus eds check {file}",
         )
     return eds
@@ -104,6 +104,6 @@ def say_text(text: str) -> None:
     sys.stdout.buffer.flush()
 
 
-def tell(text: str) -> None:
+def print_plain(text: str) -> None:
     """Print a remark to standard error, so that it does not mix with a file on standard output."""
     echo(text, err=True)

@@ -20,7 +20,7 @@ from axisbus.wording import counted
 _TYPED = 5  # the most files named in a hint
 
 
-class _Done(NamedTuple):
+class _FixedFile(NamedTuple):
     """One file before and after fixing, and where it was written (None: nowhere)."""
 
     file: str
@@ -52,18 +52,18 @@ def command(files: tuple[str, ...], output: Path | None, force: bool, write: boo
     if output is not None and (write or len(named) > 1):
         return misuse("-o is for one file, and excludes --write: give --write to fix each file in place")
     require_free(output, force=force)
-    done = [each for file in named if (each := _mended(file, output, write)) is not None]
+    results = [each for file in named if (each := _fix_file(file, output, write)) is not None]
     if as_json:
-        plain = [_plain(each) for each in done]
+        plain = [_plain(each) for each in results]
         say_json(plain[0] if len(named) == len(plain) == 1 else {"files": plain})
     else:
-        _say(done)
-    if len(done) < len(named):
+        _print_results(results)
+    if len(results) < len(named):
         return MISUSE  # 1 means that there is something to fix
-    return WRONG if any(each.fixed.mended and each.target is None for each in done) else OK
+    return WRONG if any(each.fixed.fixes and each.target is None for each in results) else OK
 
 
-def _mended(file: str, output: Path | None, write: bool) -> _Done | None:
+def _fix_file(file: str, output: Path | None, write: bool) -> _FixedFile | None:
     """Fix one file, and write it if requested; None if it cannot be read, which is reported."""
     path = builtin.resolve(file, Path())
     try:
@@ -73,50 +73,50 @@ def _mended(file: str, output: Path | None, write: bool) -> _Done | None:
         return None
     fixed = fix.fix(before)
     target = output or (path if write else None)
-    if target is not None and (fixed.mended or output is not None):
+    if target is not None and (fixed.fixes or output is not None):
         write_whole(target, writer.dumps(fixed.reading))
-    return _Done(file, before.document, fixed, target)
+    return _FixedFile(file, before.document, fixed, target)
 
 
-def _plain(done: _Done) -> dict[str, object]:
-    found = [{"rule": each.rule, "line": each.line, "what": each.what} for each in done.fixed.mended]
+def _plain(result: _FixedFile) -> dict[str, object]:
+    found = [{"rule": each.rule, "line": each.line, "what": each.what} for each in result.fixed.fixes]
     return {
-        "file": done.file,
-        "written": None if done.target is None else str(done.target),
+        "file": result.file,
+        "written": None if result.target is None else str(result.target),
         "mended": found,
     }
 
 
-def _say(done: list[_Done]) -> None:
-    for each in done:
+def _print_results(results: list[_FixedFile]) -> None:
+    for each in results:
         diff = list(fix.unified(each.before, each.fixed, each.file))
         if diff:
             say_lines(diff)
         _summary(each)
-    open_ones = [each.file for each in done if each.fixed.mended and each.target is None]
-    if open_ones:
-        say_next(f"axisbus eds fix {_few(open_ones)} --write")
-    elif done:
-        say_next(f"axisbus eds check {_few([str(each.target or each.file) for each in done])}")
+    unwritten = [each.file for each in results if each.fixed.fixes and each.target is None]
+    if unwritten:
+        say_next(f"axisbus eds fix {_first_names(unwritten)} --write")
+    elif results:
+        say_next(f"axisbus eds check {_first_names([str(each.target or each.file) for each in results])}")
 
 
-def _few(files: list[str]) -> str:
+def _first_names(files: list[str]) -> str:
     """Return the files as they have to be typed; only the first ones of many, because the user knows the pattern."""
     return " ".join(files[:_TYPED]) + (" ..." if len(files) > _TYPED else "")
 
 
-def _summary(done: _Done) -> None:
-    mended = done.fixed.mended
-    if not mended:
-        say(f"{done.file}: nothing to fix")
+def _summary(result: _FixedFile) -> None:
+    fixes = result.fixed.fixes
+    if not fixes:
+        say(f"{result.file}: nothing to fix")
         return
-    for each in mended:
+    for each in fixes:
         if not each.changes:  # no line of the diff shows it
-            say(f"{done.file}:{each.line}: {each.rule} {each.what}")
-    counts = Counter(each.rule for each in mended)
+            say(f"{result.file}:{each.line}: {each.rule} {each.what}")
+    counts = Counter(each.rule for each in fixes)
     rules = ", ".join(f"{rule} {count}" for rule, count in sorted(counts.items()))
-    many = counted(len(mended), "fix", "fixes")
-    if done.target is None:
-        say(f"{done.file}: {many} ({rules}), not written")
+    count_text = counted(len(fixes), "fix", "fixes")
+    if result.target is None:
+        say(f"{result.file}: {count_text} ({rules}), not written")
     else:
-        say(f"{done.target}: written with {many} ({rules})")
+        say(f"{result.target}: written with {count_text} ({rules})")

@@ -15,9 +15,9 @@ from axisbus.cli.eds.files import (
     node_of,
     node_option,
     open_eds,
+    print_plain,
     say_lines,
     say_text,
-    tell,
     terminal_width,
 )
 from axisbus.cli.shared.common import MISUSE, OK, WRONG, say_error, say_json, say_next, say_table
@@ -77,7 +77,7 @@ def show_command(file: str, wanted: str | None, node: int | None, expand: bool, 
     node_id = node_of(eds, node)
     found = show.find(eds, wanted) if wanted is not None else None
     if as_json:
-        say_json(export_values.whole(eds, node_id) if found is None else _json(eds, found, node_id))
+        say_json(export_values.all_values(eds, node_id) if found is None else _json(eds, found, node_id))
         return OK
     style = (
         BOXES if can_print("".join((BOXES.line, BOXES.wall, BOXES.top, BOXES.bottom, BOXES.dots))) else ASCII
@@ -118,8 +118,8 @@ def _layout(eds: Eds, wanted: tuple[bool, int], node_id: int | None) -> layout.P
         if (each.receive, each.number) == wanted:
             return each
     name = f"{'RPDO' if wanted[0] else 'TPDO'}{wanted[1]}"
-    there = ", ".join(each.name for each in pdos) or "no PDO"
-    raise EdsError(f"there is no {name}", file=eds.source, remedy=f"there is: {there}")
+    present = ", ".join(each.name for each in pdos) or "no PDO"
+    raise EdsError(f"there is no {name}", file=eds.source, remedy=f"there is: {present}")
 
 
 # -- ``axisbus eds diff``: compare the meaning of two files ------------------------------------------------------------
@@ -161,10 +161,10 @@ def _example(differences: tuple[EdsDifference, ...]) -> str:
 
 def _common_node(a: Eds, b: Eds, node: int | None) -> int | None:
     """Return the node ID for the comparison: the requested one, or the only one that the files are made for."""
-    own = {eds.node_id for eds in (a, b) if eds.node_id is not None}
-    if node is not None or len(own) != 1:
+    node_ids = {eds.node_id for eds in (a, b) if eds.node_id is not None}
+    if node is not None or len(node_ids) != 1:
         return node
-    return own.pop()
+    return node_ids.pop()
 
 
 # -- ``axisbus eds doc``: write a complete reference of the device -----------------------------------------------------
@@ -240,7 +240,7 @@ def export_command(
     eds = open_eds(file)
     text, left_out = _text(eds, chosen, node_of(eds, node), switched_off, words)
     for each in left_out:
-        tell(f"left out: {each}")
+        print_plain(f"left out: {each}")
     if output is None:
         say_text(text)
         return OK
@@ -265,6 +265,6 @@ def _text(
     if form == "dbc":
         from axisbus.eds.report import frames
 
-        made = frames.dumps(eds, node_id, switched_off=switched_off, words=words)
-        return made.text, made.left_out
+        dbc = frames.dumps(eds, node_id, switched_off=switched_off, words=words)
+        return dbc.text, dbc.left_out
     return (export_values.csv_text if form == "csv" else export_values.json_text)(eds, node_id), ()

@@ -39,13 +39,13 @@ def plain(cell: FleetCell, recordings: Recordings) -> dict[str, Any]:
     }
 
 
-def _plain_axis(name: str, unit: str, seen: LastAxisState | None) -> dict[str, Any]:
+def _plain_axis(name: str, unit: str, last: LastAxisState | None) -> dict[str, Any]:
     values: dict[str, Any] = dict.fromkeys(
         ("state", "drive", "mode", "position", "velocity", "torque", "homed", "error")
     )
-    if seen is not None and seen.fresh:
-        values = {key: getattr(seen.state, key) for key in values}
-    return {"axis": name, "unit": unit, **values, "age": None if seen is None else seen.age}
+    if last is not None and last.fresh:
+        values = {key: getattr(last.state, key) for key in values}
+    return {"axis": name, "unit": unit, **values, "age": None if last is None else last.age}
 
 
 def _plain_event(event: Event) -> dict[str, Any]:
@@ -58,16 +58,16 @@ def _plain_event(event: Event) -> dict[str, Any]:
 
 def heading(cell: FleetCell) -> list[str]:
     """Return the lines about a cell as a whole: whether it is present, and its irregularities."""
-    told = ["alive" if cell.alive else cell.offline_reason.replace("gone", "GONE", 1)]
+    facts = ["alive" if cell.alive else cell.offline_reason.replace("gone", "GONE", 1)]
     info = cell.info
     if info is not None:
-        told += ["simulated"] if info.simulated else []
-        told += [f"on {info.computer}"] if info.computer else []
-    told += [f"VERSION DIFFERS: {cell.version_mismatch}"] if cell.version_mismatch else []
-    told += ["TWO BRIDGES HAVE THIS NAME"] if cell.duplicate_bridge else []
+        facts += ["simulated"] if info.simulated else []
+        facts += [f"on {info.computer}"] if info.computer else []
+    facts += [f"VERSION DIFFERS: {cell.version_mismatch}"] if cell.version_mismatch else []
+    facts += ["TWO BRIDGES HAVE THIS NAME"] if cell.duplicate_bridge else []
     if cell.clock_difference is not None and abs(cell.clock_difference) > _CLOCKS:
-        told.append(f"its clock differs by {cell.clock_difference:+.1f} s")
-    return list(map(_printable, told))
+        facts.append(f"its clock differs by {cell.clock_difference:+.1f} s")
+    return list(map(_printable, facts))
 
 
 def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
@@ -78,26 +78,26 @@ def axis_rows(cell: FleetCell) -> list[tuple[str, ...]]:
     ]
 
 
-def _axis_texts(unit: str, seen: LastAxisState | None) -> tuple[str, ...]:
-    age = "" if seen is None or seen.age is None else age_text(seen.age)
-    if seen is None or not seen.fresh:
+def _axis_texts(unit: str, last: LastAxisState | None) -> tuple[str, ...]:
+    age = "" if last is None or last.age is None else age_text(last.age)
+    if last is None or not last.fresh:
         return UNKNOWN, UNKNOWN, UNKNOWN, age, ""
-    state = seen.state
-    beside = ", ".join(text for text in (state.drive, state.mode, state.error) if text)
+    state = last.state
+    details = ", ".join(text for text in (state.drive, state.mode, state.error) if text)
     return (
         state.state,
         _number(state.position, unit),
         _number(state.velocity, f"{unit}/s"),
         age,
-        beside,
+        details,
     )
 
 
 def cell_lines(cell: FleetCell, recordings: Recordings) -> list[str]:
     """Return a cell as lines: itself, its axes, its newest incidents, and, while it is alive, its recordings."""
     rows = [
-        f"{name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {beside}".rstrip()
-        for name, state, position, velocity, age, beside in axis_rows(cell)
+        f"{name:<8} {state:<18} {position:>20} {velocity:>20} {age:>7}  {details}".rstrip()
+        for name, state, position, velocity, age, details in axis_rows(cell)
     ]
     below = [*rows, *incident_lines(cell), *([recordings_line(recordings)] if cell.alive else [])]
     return [f"{cell.name}: {', '.join(heading(cell))}", *(f"  {line}" for line in below)]

@@ -42,7 +42,7 @@ class FleetOptions:
         return Fleet(**asdict(self), look=look)
 
 
-# --plant, --connect, --listen, --scouting and --config; a command gets them together as ``place``.
+# --plant, --connect, --listen, --scouting and --config; a command gets them together as ``fleet_options``.
 plant_options = together(
     click.option(
         "--plant", required=True, metavar="NAME", help="The name of the plant, as given to its bridges."
@@ -61,7 +61,7 @@ plant_options = together(
     ),
     click.option("--scouting", is_flag=True, help="Also search for cells by multicast."),
     click.option("--config", type=PATH, help="A configuration file of Zenoh, for example for certificates."),
-    packed(FleetOptions, "place"),
+    packed(FleetOptions, "fleet_options"),
 )
 
 
@@ -71,25 +71,27 @@ plant_options = together(
 @click.command("list")
 @plant_options
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value.")
-def list_command(place: FleetOptions, as_json: bool) -> int:
+def list_command(fleet_options: FleetOptions, as_json: bool) -> int:
     """Show the cells of a plant that are present, with their axes, newest incidents and recordings.
 
     It waits at most about one second for the cells' values. A value older than a second is unknown. The exit code is 1 if no
     cell is found, or an endpoint is not reached.
     """
-    with place.fleet() as fleet:
+    with fleet_options.fleet() as fleet:
         cells = list(fleet)
         found = dict(zip(cells, _recordings(cells), strict=True))
         if as_json:
-            say_json([plain(cell, kept) for cell, kept in found.items()])
+            say_json([plain(cell, recordings) for cell, recordings in found.items()])
         else:
-            for cell, kept in found.items():
-                say("\n".join(cell_lines(cell, kept)))
+            for cell, recordings in found.items():
+                say("\n".join(cell_lines(cell, recordings)))
         unreached = fleet.unreachable_endpoints
     for endpoint in unreached:
         say_note(unreached_text(endpoint))
     if not cells and not as_json:
-        say(f"no cell of plant {place.plant} was found: check that its bridges run, and their endpoints")
+        say(
+            f"no cell of plant {fleet_options.plant} was found: check that its bridges run, and their endpoints"
+        )
     return OK if cells and not unreached else WRONG
 
 
@@ -130,7 +132,7 @@ _RECORDINGS = 10.0  # seconds between two queries for recordings
 )
 @click.option("--count", type=click.IntRange(min=1), help="Number of updates; without it, until Ctrl-C.")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON value per update.")
-def watch_command(place: FleetOptions, every: float | None, count: int | None, as_json: bool) -> int:
+def watch_command(fleet_options: FleetOptions, every: float | None, count: int | None, as_json: bool) -> int:
     """Show the cells of a plant, their axes, newest incidents and recordings until Ctrl-C; commands nothing.
 
     When a cell is lost, it is shown as GONE, and its values as unknown, within about a second. "age" is the age of a value by
@@ -139,34 +141,34 @@ def watch_command(place: FleetOptions, every: float | None, count: int | None, a
     """
     live = coloured() and not as_json
     pause = every if every is not None else _REPAINTED if live else _PRINTED
-    with place.fleet() as fleet, _Kept(fleet) as kept:
+    with fleet_options.fleet() as fleet, _RecordingsCache(fleet) as recordings_cache:
         if live:
             from axisbus.cli.fleet.live import show
 
             show(
-                lambda: [(cell, kept.of(cell)) for cell in fleet],
-                lambda: [f"plant {place.plant}", *map(unreached_text, fleet.unreachable_endpoints)],
+                lambda: [(cell, recordings_cache.of(cell)) for cell in fleet],
+                lambda: [f"plant {fleet_options.plant}", *map(unreached_text, fleet.unreachable_endpoints)],
                 pause,
                 count,
             )
             return OK
         for _ in rounds(count, lambda: time.sleep(pause)):
-            _look(fleet, kept, as_json)
+            _print_update(fleet, recordings_cache, as_json)
     return OK
 
 
-def _look(fleet: Fleet, kept: _Kept, as_json: bool) -> None:
+def _print_update(fleet: Fleet, recordings_cache: _RecordingsCache, as_json: bool) -> None:
     if as_json:
-        say_json([plain(cell, kept.of(cell)) for cell in fleet])
+        say_json([plain(cell, recordings_cache.of(cell)) for cell in fleet])
         return
     say(f"plant {fleet.plant}, {time.strftime('%H:%M:%S')}: {counted(len(fleet), 'cell')}")
     for endpoint in fleet.unreachable_endpoints:
         say(unreached_text(endpoint))
     for cell in fleet:
-        say("\n".join(cell_lines(cell, kept.of(cell))))
+        say("\n".join(cell_lines(cell, recordings_cache.of(cell))))
 
 
-class _Kept:
+class _RecordingsCache:
     """The recordings of all cells, queried periodically in a thread, so that a slow cell does not delay the display."""
 
     def __init__(self, fleet: Fleet) -> None:
@@ -175,7 +177,7 @@ class _Kept:
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, daemon=True)
 
-    def __enter__(self) -> _Kept:
+    def __enter__(self) -> _RecordingsCache:
         self._thread.start()
         return self
 
@@ -199,7 +201,7 @@ class _Kept:
 
 
 _WAIT = 5.0  # seconds
-_LOOK, _STEP = 1.0, 0.01  # seconds of the search for cells, and between its steps
+_SEARCH_TIME, _STEP = 1.0, 0.01  # seconds of the search for cells, and between its steps
 
 
 @click.command("stop")
@@ -213,13 +215,13 @@ _LOOK, _STEP = 1.0, 0.01  # seconds of the search for cells, and between its ste
     show_default=True,
     help="Seconds within which cells must confirm.",
 )
-def stop_command(cells: tuple[str, ...], place: FleetOptions, seconds: float) -> int:
+def stop_command(cells: tuple[str, ...], fleet_options: FleetOptions, seconds: float) -> int:
     """Quick-stop all axes of all cells of a plant, or of the named cells, whichever program has control.
 
     For each cell it shows whether the cell has confirmed that its drives have stopped. The exit code is 3 if a cell has not, or
     an endpoint is not reached, and 1 if no cell is found. It is not a safety function.
     """
-    with place.fleet(look=0.0) as fleet:
+    with fleet_options.fleet(look=0.0) as fleet:
         handles = _stop(fleet, tuple(dict.fromkeys(cells)))
         deadline = time.monotonic() + seconds
         confirmed = [_confirmed(name, handles[name], deadline) for name in sorted(handles)]
@@ -230,7 +232,7 @@ def stop_command(cells: tuple[str, ...], place: FleetOptions, seconds: float) ->
         return FAILURE
     if not confirmed:
         say_error(
-            f"no cell of plant {place.plant} was found, so none was stopped: use the stop devices at the machines"
+            f"no cell of plant {fleet_options.plant} was found, so none was stopped: use the stop devices at the machines"
         )
         return WRONG
     return OK if all(confirmed) else FAILURE
@@ -239,7 +241,7 @@ def stop_command(cells: tuple[str, ...], place: FleetOptions, seconds: float) ->
 def _stop(fleet: Fleet, names: Sequence[str]) -> dict[str, Handle]:
     """Stop each cell as soon as it is found, and named cells in any case; return the handles by cell."""
     handles: dict[str, Handle] = {}
-    named, end = [fleet.any_cell(name) for name in names], time.monotonic() + _LOOK
+    named, end = [fleet.any_cell(name) for name in names], time.monotonic() + _SEARCH_TIME
     while time.monotonic() < end and not (names and len(handles) == len(names)):
         for cell in named or fleet:
             if cell.name not in handles and cell.alive:

@@ -27,45 +27,52 @@ if TYPE_CHECKING:
     from axisbus.fleet.cell import FleetCell
 
 Found = Sequence[tuple["FleetCell", Recordings]]
-Look = Callable[[], Found]
+ReadCells = Callable[[], Found]
 _COLUMNS = ("cell", "axis", "state", "position", "velocity", "age", "")
 _NUMBERS = frozenset({"position", "velocity", "age"})
 _STATE_STYLES = {**STATE_STYLES, UNKNOWN: "dim"}
 _STATE = 1  # column index
-_MOST = 12  # the most lines of incidents
+_MAX_INCIDENT_LINES = 12  # the most lines of incidents
 
 
-def show(look: Look, about: Callable[[], Sequence[str]], every: float, count: int | None) -> None:
-    """Draw the cells ``count`` times (None: until Ctrl-C); ``about`` returns the plant's name and its problems."""
+def show(
+    read_cells: ReadCells, extra_lines: Callable[[], Sequence[str]], every: float, count: int | None
+) -> None:
+    """Draw the cells ``count`` times (None: until Ctrl-C); ``extra_lines`` returns the plant's name and its problems."""
     console = Console(highlight=False, markup=False, emoji=False)
     with Live(console=console, auto_refresh=False, vertical_overflow="ellipsis") as live:
         for _ in rounds(count, lambda: time.sleep(every)):
-            live.update(Group(*_parts(look(), *about())), refresh=True)
+            live.update(Group(*_parts(read_cells(), *extra_lines())), refresh=True)
 
 
 def _parts(found: Found, plant: str, *wrong: str) -> list[RenderableType]:
     """Return the parts to draw: problems come first, because the end may be cut off at the bottom of the screen."""
-    there = sum(cell.alive for cell, _ in found)
-    head = f"{plant}: {there} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
+    alive_count = sum(cell.alive for cell, _ in found)
+    head = f"{plant}: {alive_count} of {counted(len(found), 'cell')} alive, {time.strftime('%H:%M:%S')}"
     incidents = [(cell, line) for cell, _ in found for line in incident_lines(cell)]
-    ill, well = ([each for each in found if bool(_style(each[0])) is odd] for odd in (True, False))
+    failed, healthy = (
+        [each for each in found if bool(_style(each[0])) is is_failed] for is_failed in (True, False)
+    )
     return [
         Text(head, style="bold"),
         *(Text(line, style=STYLES["error"]) for line in wrong),
-        _cells(ill),
-        *(Text(f"{cell.name}  {line}", style=STYLES["warning"]) for cell, line in incidents[-_MOST:]),
-        _cells(well),
+        _cells(failed),
+        *(
+            Text(f"{cell.name}  {line}", style=STYLES["warning"])
+            for cell, line in incidents[-_MAX_INCIDENT_LINES:]
+        ),
+        _cells(healthy),
         _axes([cell for cell, _ in found]),
     ]
 
 
 def _cells(found: Found) -> Table:
     table = Table(box=None, pad_edge=False, show_header=False)
-    for cell, kept in found:
+    for cell, recordings in found:
         table.add_row(
             Text(cell.name, style="bold"),
             Text(
-                ", ".join([*heading(cell), *([recordings_line(kept)] if cell.alive else [])]),
+                ", ".join([*heading(cell), *([recordings_line(recordings)] if cell.alive else [])]),
                 style=_style(cell),
             ),
         )

@@ -57,13 +57,13 @@ def find_command(
         say_json({"slaves": slaves, "others": scanned.others, "incomplete": scanned.incomplete or None})
     else:
         _show(scanned, where)
-    whole = scanned.slaves and not scanned.incomplete
-    return OK if whole and not any(each.twins for each in scanned.slaves) else WRONG
+    complete = scanned.slaves and not scanned.incomplete
+    return OK if complete and not any(each.twins for each in scanned.slaves) else WRONG
 
 
 def _as_json(slave: Unconfigured) -> dict[str, object]:
-    told = {"twins": slave.twins, "answers_on": slave.answers_on, "check": slave.check.name.lower()}
-    return {**as_numbers(slave.address), **told, "node_id": slave.node_id if slave.has_node_id else None}
+    facts = {"twins": slave.twins, "answers_on": slave.answers_on, "check": slave.check.name.lower()}
+    return {**as_numbers(slave.address), **facts, "node_id": slave.node_id if slave.has_node_id else None}
 
 
 def _show(scanned: Scanned, where: Where) -> None:
@@ -78,19 +78,19 @@ def _show(scanned: Scanned, where: Where) -> None:
             )
         say_next(f"to list nodes with a node-ID: axisbus scan {where.words_and_rate}")
         return
-    bare = [each for each in scanned.slaves if not each.has_node_id]
-    say(f"{len(bare)} without a node-ID:")
-    for each in bare:
+    without_id = [each for each in scanned.slaves if not each.has_node_id]
+    say(f"{len(without_id)} without a node-ID:")
+    for each in without_id:
         _show_slave(each)
     configured = [each for each in scanned.slaves if each.has_node_id]
     for each in configured:
         _show_slave(each)
-    _show_next(bare, where)
+    _show_next(without_id, where)
 
 
 def _show_slave(slave: Unconfigured) -> None:
-    own = f", has node-ID {slave.node_id} and answers fast scan nevertheless" if slave.has_node_id else ""
-    say(f"  {say_slave(slave.address)}{own}")
+    note = f", has node-ID {slave.node_id} and answers fast scan nevertheless" if slave.has_node_id else ""
+    say(f"  {say_slave(slave.address)}{note}")
     if slave.answers_on:
         say(
             "    continues to answer fast scan after it was found, against CiA 305: it was excluded by its address"
@@ -102,16 +102,16 @@ def _show_slave(slave: Unconfigured) -> None:
         )
 
 
-def _show_next(bare: list[Unconfigured], where: Where) -> None:
+def _show_next(without_id: list[Unconfigured], where: Where) -> None:
     from axisbus.cia305.scan_result import Check
 
-    able = [each for each in bare if each.check is not Check.UNSELECTABLE]
+    able = [each for each in without_id if each.check is not Check.UNSELECTABLE]
     if able:
-        give = f"axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {able[0].address} --store"
-        say_next(f"give each a node-ID: {give}")
-    elif bare:
-        give = f"axisbus lss set-node-id NODE_ID {where.words_and_rate} --only --store"
-        say_next(f"connect only this slave, and give it a node-ID: {give}")
+        next_command = f"axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {able[0].address} --store"
+        say_next(f"give each a node-ID: {next_command}")
+    elif without_id:
+        next_command = f"axisbus lss set-node-id NODE_ID {where.words_and_rate} --only --store"
+        say_next(f"connect only this slave, and give it a node-ID: {next_command}")
 
 
 # -- ``axisbus lss inquire``: show a slave's identity and node-ID ------------------------------------------------------
@@ -124,20 +124,24 @@ def inquire_command(where: Where, as_json: bool, choice: SlaveChoice) -> int:
     """Show the identity and the node-ID of one LSS slave; changes nothing."""
     choice.require_one()
     with open_master(where) as master:
-        told = master.inquire(choice.address(master))
-    node_id = told.node_id if told.configured else None
+        facts = master.inquire(choice.address(master))
+    node_id = facts.node_id if facts.configured else None
     if as_json:
-        say_json({**as_numbers(told.address), "node_id": node_id, "tells_node_id": told.node_id is not None})
-        return OK
-    say(say_slave(told.address))
-    if told.configured:
-        say(f"node-ID {told.node_id}")
-        say_next(
-            f"to change it: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {told.address} --store --reset"
+        say_json(
+            {**as_numbers(facts.address), "node_id": node_id, "tells_node_id": facts.node_id is not None}
         )
         return OK
-    say("no node-ID" if told.node_id is not None else "does not report its node-ID")
-    say_next(f"give it one: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {told.address} --store")
+    say(say_slave(facts.address))
+    if facts.configured:
+        say(f"node-ID {facts.node_id}")
+        say_next(
+            f"to change it: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {facts.address} --store --reset"
+        )
+        return OK
+    say("no node-ID" if facts.node_id is not None else "does not report its node-ID")
+    say_next(
+        f"give it one: axisbus lss set-node-id NODE_ID {where.words_and_rate} -s {facts.address} --store"
+    )
     return OK
 
 
@@ -175,13 +179,13 @@ def set_node_id_command(
     with open_master(where) as master:
         given = master.set_node_id(choice.address(master), node_id, store=store, reset=reset)
     if as_json:
-        done = given.set
+        result = given.set
         say_json(
             {
-                **as_numbers(done.address),
-                "old_node_id": done.old,
-                "node_id": done.node_id,
-                "stored": done.stored,
+                **as_numbers(result.address),
+                "old_node_id": result.old,
+                "node_id": result.node_id,
+                "stored": result.stored,
                 "booted": given.booted,
             }
         )
@@ -191,42 +195,44 @@ def set_node_id_command(
 
 
 def _set_node_id_show(given: NodeIdGiven, where: Where, reset: bool) -> None:
-    done = given.set
-    what = f"node-ID {done.node_id}" if done.node_id <= 127 else "no node-ID any more"
-    say(f"{say_slave(done.address)}: {what}{', stored' if done.stored else ''}")
-    if not done.stored:
-        again = f"axisbus lss store {where.words_and_rate} -s {done.address}"
-        say(f"not stored: it has the old one again after the next power-up (to store the new one: {again})")
+    result = given.set
+    what = f"node-ID {result.node_id}" if result.node_id <= 127 else "no node-ID any more"
+    say(f"{say_slave(result.address)}: {what}{', stored' if result.stored else ''}")
+    if not result.stored:
+        next_command = f"axisbus lss store {where.words_and_rate} -s {result.address}"
+        say(
+            f"not stored: it has the old one again after the next power-up (to store the new one: {next_command})"
+        )
     if given.booted:
-        say(f"it booted as node {done.node_id}")
+        say(f"it booted as node {result.node_id}")
         say_next(f"axisbus scan {where.words_and_rate}")
     elif given.booted is False:
         say(
-            f"it sent no boot-up message as node {done.node_id}; check with axisbus scan whether it is on the bus"
+            f"it sent no boot-up message as node {result.node_id}; check with axisbus scan whether it is on the bus"
         )
-        say(_without_boot(stored=done.stored, reset=reset))
-    elif done.old is None:
+        say(_why_no_boot(stored=result.stored, reset=reset))
+    elif result.old is None:
         say(
             "it does not report its node-ID, so it was not reset: switch it off and on if the node-ID was stored, or reset "
             "the slave at the device"
         )
-    elif not done.at_once and not reset:
+    elif not result.at_once and not reset:
         say("it takes effect when its communication is reset, or at the next power-up if stored")
         say_next("repeat the command with --reset, when the node may stop; or switch it off and on")
 
 
-def _without_boot(*, stored: bool, reset: bool) -> str:
+def _why_no_boot(*, stored: bool, reset: bool) -> str:
     """Return the next steps for a slave that did not boot under its new node-ID."""
-    tried = (
+    resets = (
         "a reset of its communication under this node-ID had no effect either"
         if reset
         else "repeat the command with --reset"
     )
     if stored:
-        return f"some slaves need more: {tried}; or switch it off and on: the node-ID is stored"
+        return f"some slaves need more: {resets}; or switch it off and on: the node-ID is stored"
     all_nodes = "axisbus nmt reset-communication all (it stops every node of the bus)"
-    keeps = "do not switch it off, or the node-ID is lost (--store stores it)"
-    return f"some slaves take it with a reset of their communication: {tried}, or {all_nodes}; {keeps}"
+    warning = "do not switch it off, or the node-ID is lost (--store stores it)"
+    return f"some slaves take it with a reset of their communication: {resets}, or {all_nodes}; {warning}"
 
 
 # -- ``axisbus lss store``: store node-ID and bit rate in a slave's non-volatile memory --------------------------------

@@ -211,21 +211,21 @@ def as_numbers(address: LssAddress) -> dict[str, int]:
 
 @contextmanager
 def _progress_line() -> Iterator[Callable[[int, int], None] | None]:
-    """Offer ``tell(found, bits)``, which redraws a line on standard error, on a terminal only."""
+    """Offer ``show_found(found, bits)``, which redraws a line on standard error, on a terminal only."""
     if not sys.stderr.isatty():
         yield None
         return
-    drawn = 0.0
+    last_update = 0.0
 
-    def tell(found: int, bits: int) -> None:
-        nonlocal drawn
+    def show_found(found: int, bits: int) -> None:
+        nonlocal last_update
         now = time.monotonic()
-        if bits and now - drawn > _REDRAW:
-            drawn = now
+        if bits and now - last_update > _REDRAW:
+            last_update = now
             click.echo(f"\rfast scan: {found} found, {bits:3} of 128 bits of the next ", err=True, nl=False)
 
     try:
-        yield tell
+        yield show_found
     finally:
-        if drawn:
+        if last_update:
             click.echo("\r" + " " * 60 + "\r", err=True, nl=False)

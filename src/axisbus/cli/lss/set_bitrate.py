@@ -77,22 +77,22 @@ def command(
     if not yes:
         raise click.UsageError(f"{_WARNING}\nTo confirm that, give --yes.")
     addresses = None if everybody else [LssAddress(*each) for each in slave]
-    done = None
+    outcome = None
     with open_master(where) as master:
         master.set_bit_rate(addresses, rate, store=store)
         if activate:
-            done = _change_over(master, addresses, rate, delay, where)
+            outcome = _change(master, addresses, rate, delay, where)
     if as_json:
-        told = {"bitrate": rate, "slaves": [list(each) for each in slave] or "all", "stored": store}
-        say_json({**told, "activated": activate, **({} if done is None else _as_json(done))})
-    elif done is None:
-        _show_told(rate, where, store)
+        facts = {"bitrate": rate, "slaves": [list(each) for each in slave] or "all", "stored": store}
+        say_json({**facts, "activated": activate, **({} if outcome is None else _as_json(outcome))})
+    elif outcome is None:
+        _show_activated(rate, where, store)
     else:
-        _show_changed(done, where, store)
-    return FAILURE if done is not None and done.asked and not done.complete else OK
+        _show_changed(outcome, where, store)
+    return FAILURE if outcome is not None and outcome.asked and not outcome.complete else OK
 
 
-def _change_over(
+def _change(
     master: LssMaster, addresses: list[LssAddress] | None, rate: int, delay: float, where: Where
 ) -> ChangedOver:
     from axisbus.bus.link.bitrate_change import change_over
@@ -108,18 +108,18 @@ def _change_over(
         raise
 
 
-def _as_json(done: ChangedOver) -> dict[str, Any]:
+def _as_json(outcome: ChangedOver) -> dict[str, Any]:
     return {
-        "adapter": done.adapter.name.lower(),
-        "asked": done.asked,
-        "answered": [list(each.parts) for each in done.answered],
-        "silent": [list(each.parts) for each in done.silent],
-        "nodes": list(done.nodes),
-        "commands": list(done.commands),
+        "adapter": outcome.adapter.name.lower(),
+        "asked": outcome.asked,
+        "answered": [list(each.parts) for each in outcome.answered],
+        "silent": [list(each.parts) for each in outcome.silent],
+        "nodes": list(outcome.nodes),
+        "commands": list(outcome.commands),
     }
 
 
-def _show_told(rate: int, where: Where, store: bool) -> None:
+def _show_activated(rate: int, where: Where, store: bool) -> None:
     say(f"set: {rate} bit/s{', stored' if store else ''}")
     if not store:
         say("nothing has changed yet, and the new rate is lost at the next power-up")
@@ -131,35 +131,36 @@ def _show_told(rate: int, where: Where, store: bool) -> None:
     say_next(f"{_adapter(where, rate)}axisbus scan {where.words} -b {rate}")
 
 
-def _show_changed(done: ChangedOver, where: Where, store: bool) -> None:
+def _show_changed(outcome: ChangedOver, where: Where, store: bool) -> None:
     say(
-        f"set: {done.bitrate} bit/s{', stored' if store else ''}, changed over; the adapter of this computer {done.adapter.value}"
+        f"set: {outcome.bitrate} bit/s{', stored' if store else ''}, changed over; "
+        f"the adapter of this computer {outcome.adapter.value}"
     )
     if not store:
         say("not stored: after the next power-up they have the old rate again")
-    scan = f"axisbus scan {where.words} -b {done.bitrate}"
-    if not done.asked:
+    scan = f"axisbus scan {where.words} -b {outcome.bitrate}"
+    if not outcome.asked:
         say(
             "THE BUS IS HALF CHANGED OVER: this computer still has the old rate, and would destroy the slaves' frames"
         )
         say(
             "type, in this order:"
-            if done.commands
+            if outcome.commands
             else "set the rate of this master's adapter: on the computer of the link, or with the option timing of the adapter"
         )
-        for line in done.commands:
+        for line in outcome.commands:
             say(f"  {line}")
         say_next(scan)
         return
-    for each in done.answered:
-        say(f"  answers at {done.bitrate} bit/s: {each}")
-    for each in done.silent:
-        say(f"  DOES NOT ANSWER at {done.bitrate} bit/s: {each}")
-    if done.nodes:
-        say(f"  answer at {done.bitrate} bit/s: node {', '.join(map(str, done.nodes))}")
-    if done.others:
-        say(f"  a slave without a node-ID answers at {done.bitrate} bit/s")
-    if not done.complete:
+    for each in outcome.answered:
+        say(f"  answers at {outcome.bitrate} bit/s: {each}")
+    for each in outcome.silent:
+        say(f"  DOES NOT ANSWER at {outcome.bitrate} bit/s: {each}")
+    if outcome.nodes:
+        say(f"  answer at {outcome.bitrate} bit/s: node {', '.join(map(str, outcome.nodes))}")
+    if outcome.others:
+        say(f"  a slave without a node-ID answers at {outcome.bitrate} bit/s")
+    if not outcome.complete:
         say(
             "THE BUS IS HALF CHANGED OVER: switch the silent slaves off and on (they then have the old rate, unless the new "
             "one was stored)"

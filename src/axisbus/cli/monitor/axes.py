@@ -14,7 +14,7 @@ from axisbus.cia402 import statusword
 from axisbus.cia402.modes import ModeOfOperation, short
 from axisbus.cli.shared.attach_or_open import machine_of
 from axisbus.cli.shared.common import OK, coloured, rounds, say, say_json, say_next, with_page
-from axisbus.cli.shared.machine_status import BesideAxes
+from axisbus.cli.shared.machine_status import MachineStatus
 from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.errors import StaleError
 from axisbus.machine.axis import Axis
@@ -63,7 +63,7 @@ def command(
         for line in [] if as_json else histories(machine):
             say(line)
         try:
-            look_on(machine, _PRINTED if as_json and every is None else pace(every), count, as_json)
+            watch(machine, _PRINTED if as_json and every is None else pace(every), count, as_json)
         finally:
             if not as_json and machine.dropped_frames:
                 say(words(machine.dropped_frames))
@@ -84,36 +84,36 @@ def pace(every: float | None) -> float:
     return _REPAINTED if coloured() else _PRINTED
 
 
-def look_on(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
+def watch(machine: Machine, every: float, count: int | None, as_json: bool) -> None:
     """Show the axes ``count`` times (None: until Ctrl-C)."""
-    told, drops, beside = set[str](), DropNews(), BesideAxes(machine)
+    known, drops, status = set[str](), DropNews(), MachineStatus(machine)
     if coloured() and not as_json:
         from axisbus.cli.monitor import live
 
-        def look() -> live.MonitorUpdate:
-            rows, news = _rows(machine, told, drops)
-            return live.MonitorUpdate(rows, [*io_lines(machine), *beside.lines()], news)
+        def read_update() -> live.MonitorUpdate:
+            rows, new_lines = _rows(machine, known, drops)
+            return live.MonitorUpdate(rows, [*io_lines(machine), *status.lines()], new_lines)
 
-        live.show(look, lambda: machine.sleep(every), count)
+        live.show(read_update, lambda: machine.sleep(every), count)
         return
     for _ in rounds(count, lambda: machine.sleep(every)):
         if as_json:
-            _look_as_json(machine, beside)
+            _print_json(machine, status)
         else:
-            _look(machine, told, drops, beside)
+            _print_update(machine, known, drops, status)
 
 
-def _look_as_json(machine: Machine, beside: BesideAxes) -> None:
+def _print_json(machine: Machine, status: MachineStatus) -> None:
     bus = {
         "bus_events": [str(event) for event in machine.bus_events],
         "dropped": [plain_drop(drop) for drop in machine.dropped_frames],
-        "machine": beside.values(),
+        "machine": status.values(),
         "io": {name: value_of(signal) for name, signal in machine.io.items()},
     }
     say_json([{**describe(axis), **of_node(machine, axis), **bus} for axis in machine])
 
 
-def _look(machine: Machine, told: set[str], drops: DropNews, beside: BesideAxes) -> None:
+def _print_update(machine: Machine, known: set[str], drops: DropNews, status: MachineStatus) -> None:
     for row in map(_row, machine):
         say(
             f"{row['axis']:<8} {row['state']:<18} {row['position']:>20} "
@@ -121,11 +121,11 @@ def _look(machine: Machine, told: set[str], drops: DropNews, beside: BesideAxes)
         )
         if row["error"]:
             say("         " + row["error"].replace("\n", "\n         "))
-    for line in [*io_lines(machine), *beside.lines(), *_since(machine, told, drops)]:
+    for line in [*io_lines(machine), *status.lines(), *_since(machine, known, drops)]:
         say(f"         {line}")
 
 
-def _rows(machine: Machine, told: set[str], drops: DropNews) -> tuple[list[dict[str, str]], list[str]]:
+def _rows(machine: Machine, known: set[str], drops: DropNews) -> tuple[list[dict[str, str]], list[str]]:
     """Return the values of each axis as texts, and the news since the last update, including new errors."""
     rows = [_row(axis) for axis in machine]
     wrong = {
@@ -133,30 +133,30 @@ def _rows(machine: Machine, told: set[str], drops: DropNews) -> tuple[list[dict[
         for row in rows
         if row["error"]
     }
-    lines = [line for key, line in wrong.items() if key not in told]
-    lines += _since(machine, told, drops)
-    told.update(wrong)
+    lines = [line for key, line in wrong.items() if key not in known]
+    lines += _since(machine, known, drops)
+    known.update(wrong)
     return rows, lines
 
 
 def _row(axis: Axis) -> dict[str, str]:
     """Return an axis's present values as texts."""
-    seen = describe(axis)
+    facts = describe(axis)
     numbers = {
-        "position": _number(seen["position"], axis.unit),
-        "velocity": _number(seen["velocity"], axis.unit + "/s"),
-        "age": age_text(seen["age"]) if isinstance(seen["age"], float) else "",
+        "position": _number(facts["position"], axis.unit),
+        "velocity": _number(facts["velocity"], axis.unit + "/s"),
+        "age": age_text(facts["age"]) if isinstance(facts["age"], float) else "",
     }
-    texts = {key: str(value or "") for key, value in seen.items()} | numbers
-    if seen["override"] != 1.0:
-        texts["bits"] = ", ".join(text for text in (f"override {seen['override']:g}", texts["bits"]) if text)
+    texts = {key: str(value or "") for key, value in facts.items()} | numbers
+    if facts["override"] != 1.0:
+        texts["bits"] = ", ".join(text for text in (f"override {facts['override']:g}", texts["bits"]) if text)
     return texts
 
 
 def io_lines(machine: Machine) -> list[str]:
     """Return the inputs and outputs in one line, none if the cell has none."""
-    told = [f"{name} {_told_value(signal)}" for name, signal in machine.io.items()]
-    return [f"inputs and outputs: {', '.join(told)}"] if told else []
+    texts = [f"{name} {_value_text(signal)}" for name, signal in machine.io.items()]
+    return [f"inputs and outputs: {', '.join(texts)}"] if texts else []
 
 
 def value_of(signal: Signal) -> bool | int | float | None:
@@ -167,7 +167,7 @@ def value_of(signal: Signal) -> bool | int | float | None:
         return None
 
 
-def _told_value(signal: Signal) -> str:
+def _value_text(signal: Signal) -> str:
     value = value_of(signal)
     if value is None:
         return "unknown"
@@ -175,10 +175,10 @@ def _told_value(signal: Signal) -> str:
     return f"{text} {signal.unit}".strip()
 
 
-def _since(machine: Machine, told: set[str], drops: DropNews) -> list[str]:
+def _since(machine: Machine, known: set[str], drops: DropNews) -> list[str]:
     """Return the news since the last update, including dropped frames."""
     dropped = words(drops.take(machine.dropped_frames, time.monotonic()))
-    return [*news(machine, told), *([dropped] if dropped else [])]
+    return [*new_lines(machine, known), *([dropped] if dropped else [])]
 
 
 def plain_drop(drop: Drop) -> dict[str, object]:
@@ -204,16 +204,16 @@ def histories(machine: Machine) -> list[str]:
     return lines
 
 
-def news(machine: Machine, told: set[str]) -> list[str]:
+def new_lines(machine: Machine, known: set[str]) -> list[str]:
     """Return the news since the last update: CAN controller, present state of incidents, missing TPDOs.
 
-    ``told`` has the news of the last update. For each node and sort only the newest are shown, with the number of others.
+    ``known`` has the news of the last update. For each node and sort only the newest are shown, with the number of others.
     """
-    seen: set[str] = set()
+    present: set[str] = set()
 
     def is_new(key: str) -> bool:
-        seen.add(key)
-        return key not in told
+        present.add(key)
+        return key not in known
 
     bus = [event for event in machine.bus_events if is_new(f"{event.stamp} {event}")]
     lines = _newest([[str(event)] for event in bus], "events of the CAN controller")
@@ -221,11 +221,13 @@ def news(machine: Machine, told: set[str]) -> list[str]:
     for node_id in sorted(machine.cell.nodes):
         node = machine.node(node_id)
         incidents = [incident for incident in node.incidents if is_new(_key(node_id, incident))]
-        lines += _newest([_told(node, incident) for incident in incidents], f"incidents of node {node_id}")
+        lines += _newest(
+            [_incident_lines(node, incident) for incident in incidents], f"incidents of node {node_id}"
+        )
         pdos = [event for event in node.pdo_events if is_new(f"{event.stamp} {event}")]
         lines += _newest([[str(event)] for event in pdos], f"events of the PDOs of node {node_id}")
-    told.clear()
-    told.update(seen)
+    known.clear()
+    known.update(present)
     return lines
 
 
@@ -233,7 +235,7 @@ def _key(node_id: int, incident: Incident) -> str:
     return f"{node_id}/{incident.number}/{len(incident.emcys)}/{len(incident.resets)}/{incident.outcome}"
 
 
-def _told(node: NodeAccess, incident: Incident) -> list[str]:
+def _incident_lines(node: NodeAccess, incident: Incident) -> list[str]:
     first, *rest = node.format_incident(incident)
     return [f"node {node.node_id}, {first}", *rest]
 

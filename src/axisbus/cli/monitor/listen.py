@@ -18,7 +18,7 @@ from axisbus.machine.bus_monitor import Beat, BusMonitor, NodeHeard
 from axisbus.trace import frame_formats
 from axisbus.wording import counted
 
-_NOTHING = "nothing was heard: no node sends, or not on this channel or at this bit rate"
+_NO_TRAFFIC = "nothing was heard: no node sends, or not on this channel or at this bit rate"
 
 
 def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
@@ -31,7 +31,7 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
             say(
                 f"listening on {cell.bus.interface}:{cell.bus.channel or ''}; {listening_text(cell.bus.interface)}"
             )
-        _look_on(listener, overview, every, count, as_json)
+        _watch(listener, overview, every, count, as_json)
     if not as_json:
         if against := overview.tally.words():
             say(against)
@@ -43,9 +43,7 @@ def run(path: Path, every: float, count: int | None, as_json: bool) -> int:
     return OK
 
 
-def _look_on(
-    listener: Listener, overview: BusMonitor, every: float, count: int | None, as_json: bool
-) -> None:
+def _watch(listener: Listener, overview: BusMonitor, every: float, count: int | None, as_json: bool) -> None:
     for _ in rounds(count, lambda: None):
         before = overview.frames
         for frame in listener.frames(every):
@@ -73,7 +71,7 @@ def lines(overview: BusMonitor, rate: float, now: float) -> list[str]:
 
 def _of_bus(overview: BusMonitor, rate: float, now: float) -> list[str]:
     if not overview.frames:
-        return [_NOTHING]
+        return [_NO_TRAFFIC]
     found = [f"{rate:.0f} frames/s", f"SYNC {_pace(overview.sync, now)}"]
     if overview.unknown:
         found.append(f"{counted(overview.unknown, 'frame')} of no known service")

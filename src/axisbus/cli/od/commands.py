@@ -16,7 +16,7 @@ from axisbus.cia301 import objects as c301
 from axisbus.cia301.datatypes import Value
 from axisbus.cli.od import objects as od
 from axisbus.cli.shared.attach_or_open import take_option
-from axisbus.cli.shared.attached_nodes import NodeLookup, joined, open_nodes
+from axisbus.cli.shared.attached_nodes import NodeLookup, attach_to_nodes, open_nodes
 from axisbus.cli.shared.common import FAILURE, OK, progress_bar, say, say_error, say_json, say_next
 from axisbus.cli.shared.completion import complete_node
 from axisbus.cli.shared.nodes import NodeFiles, NodeOptions, NodeSession, node_options, require_bus
@@ -44,18 +44,18 @@ if TYPE_CHECKING:
     "--type", "kind", metavar="TYPE", help="Read as this type (u16, i32, REAL32, VISIBLE_STRING, ...)."
 )
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def read_command(arguments: tuple[str, ...], asked: NodeOptions, kind: str | None, as_json: bool) -> int:
+def read_command(arguments: tuple[str, ...], options: NodeOptions, kind: str | None, as_json: bool) -> int:
     """Read objects and show their meaning; writes nothing. A record is read whole.
 
     \b
     axisbus od read --cell cell.toml x:Statusword 5:6064 5:1018
     axisbus od read -i socketcan -c can0 --eds drive.eds 5 Position_actual_value 6041
     """
-    files = asked.files()
+    files = options.files()
     data_type = od.kind_of(kind)
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
-        nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})
+        nodes = open_nodes(stack, options, files, {each.address.node_id for each in wanted})
         found = [
             (each, od.read(files, nodes.node(each.address.node_id), each.entry, data_type)) for each in wanted
         ]
@@ -82,7 +82,7 @@ def read_command(arguments: tuple[str, ...], asked: NodeOptions, kind: str | Non
 @take_option
 def write_command(
     arguments: tuple[str, ...],
-    asked: NodeOptions,
+    options: NodeOptions,
     kind: str | None,
     may_move: bool,
     as_json: bool,
@@ -100,11 +100,11 @@ def write_command(
     axisbus od write -i socketcan -c can0 5:6083 20000 --type u32
     """
     _require_no_option(arguments)
-    require_bus(asked)
+    require_bus(options)
     if len(arguments) not in (2, 3):
         raise click.UsageError("write one object: NODE:OBJECT VALUE, such as 5:6081 1000")
     data_type = od.kind_of(kind)
-    files = NodeFiles.of(asked.cell, asked.eds)
+    files = NodeFiles.of(options.cell, options.eds)
     target = _one(od.targets(files, arguments[:-1]))
     node_id, entry = target.address.node_id, target.entry
     eds = files.eds_for(node_id)
@@ -115,20 +115,20 @@ def write_command(
     if not may_move:
         guarded_write.require_harmless(eds, node_id, entry)
     with ExitStack() as stack:
-        machine = joined(stack, asked, command=True, take=take)
+        machine = attach_to_nodes(stack, options, command=True, take=take)
         node: ByObjects
         if machine is not None:
             node = machine.node(node_id)
             node.require_not_cyclic(entry)
             written = guarded_write.write_in_machine(node, entry, value, data_type, may_move=may_move)
         else:
-            node = on_bus = NodeSession(stack, asked, files, [node_id]).node(node_id)
+            node = on_bus = NodeSession(stack, options, files, [node_id]).node(node_id)
             written = guarded_write.write(on_bus, entry, value, data_type, may_move=may_move)
         now = guarded_write.energised(node) if may_move and machine is None else []
     if as_json:
         say_json(_plain(files, target, value, written, now))
     else:
-        _say(files, target, value, written, now)
+        _report_write(files, target, value, written, now)
     return OK if written.agrees(value) else FAILURE
 
 
@@ -150,7 +150,7 @@ def _one(targets: list[od.ObjectTarget]) -> od.ObjectTarget:
     return targets[0]
 
 
-def _say(
+def _report_write(
     files: NodeFiles, target: od.ObjectTarget, value: Value, written: Written, energised: list[str]
 ) -> None:
     node_id, entry = target.address.node_id, target.entry
@@ -165,9 +165,9 @@ def _say(
 
     what = f"node {node_id}: {entry}"
     if not written.agrees(value):
-        say_error(f"{what} {written.words(value, shown)}")
+        say_error(f"{what} {written.result_text(value, shown)}")
         return
-    say(f"{what}: {written.words(value, shown)}")
+    say(f"{what}: {written.result_text(value, shown)}")
     for each in energised:
         say(f"node {node_id} is ENERGISED ({each}); no program monitors it now")
     if energised:
@@ -204,16 +204,16 @@ def _plain(
 @output_option("Write to this file instead.")
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the values as JSON.")
-def dump_command(node: str, asked: NodeOptions, output: Path | None, force: bool, as_json: bool) -> int:
+def dump_command(node: str, options: NodeOptions, output: Path | None, force: bool, as_json: bool) -> int:
     """Read every object of NODE that is readable by its EDS, and show its meaning; writes nothing to the drive.
 
     Without an EDS the objects of CiA 301 and CiA 402 are read. DOMAINs and objects that refuse a scan (ObjFlags) are left out.
     """
     require_free(output, force=force)
-    files = asked.files()
+    files = options.files()
     address = files.address(node.rstrip(":"))
     with ExitStack() as stack:
-        device = open_nodes(stack, asked, files, [address.node_id]).node(address.node_id)
+        device = open_nodes(stack, options, files, [address.node_id]).node(address.node_id)
         found = _all(stack, files, device)
     values = [value for value, _ in found]
     if output is not None:
@@ -228,14 +228,14 @@ def dump_command(node: str, asked: NodeOptions, output: Path | None, force: bool
 
 
 def _all(stack: ExitStack, files: NodeFiles, device: ByObjects) -> list[tuple[ObjectValue, str]]:
-    tell = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
+    on_progress = stack.enter_context(progress_bar(f"reading node {device.node_id}"))
     eds = device.eds or _skeleton(device)
     wanted = list(od.may_read(eds))
     found = []
     for number, (index, subindex) in enumerate(wanted, start=1):
         found.append(_dump_one(files, device, index, subindex))
-        if tell is not None:
-            tell(number, len(wanted))
+        if on_progress is not None:
+            on_progress(number, len(wanted))
     return found
 
 
@@ -290,7 +290,7 @@ def _dump_plain(node_id: int, value: ObjectValue, refusal: str) -> dict[str, obj
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per line.")
 def watch_command(
     arguments: tuple[str, ...],
-    asked: NodeOptions,
+    options: NodeOptions,
     every: float,
     count: int | None,
     everything: bool,
@@ -300,21 +300,21 @@ def watch_command(
 
     Exit code 3 when the last read got no answer.
     """
-    files = asked.files()
+    files = options.files()
     wanted = od.targets(files, arguments)
     with ExitStack() as stack:
-        nodes = open_nodes(stack, asked, files, {each.address.node_id for each in wanted})
-        look = _Look(nodes, files, wanted, everything, as_json)
-        looks, due = 0, time.monotonic()
+        nodes = open_nodes(stack, options, files, {each.address.node_id for each in wanted})
+        watch = _ObjectWatch(nodes, files, wanted, everything, as_json)
+        readings, due = 0, time.monotonic()
         with suppress(KeyboardInterrupt):  # the normal end of watching
-            while count is None or looks < count:
+            while count is None or readings < count:
                 time.sleep(max(0.0, due - time.monotonic()))
-                look.once()
-                looks, due = looks + 1, max(due + every, time.monotonic())
-    return FAILURE if look.silent else OK
+                watch.read_all()
+                readings, due = readings + 1, max(due + every, time.monotonic())
+    return FAILURE if watch.silent else OK
 
 
-class _Look:
+class _ObjectWatch:
     """The observed objects; holds state: the last value of each object, and whether the last reading failed."""
 
     def __init__(
@@ -326,12 +326,12 @@ class _Look:
         as_json: bool,
     ) -> None:
         self._nodes, self._files, self._wanted = nodes, files, wanted
-        self._everything, self._as_json = everything, as_json
+        self._show_unchanged, self._as_json = everything, as_json
         self._start = time.monotonic()
         self._shown: dict[tuple[int, int, int], str] = {}
         self.silent = False
 
-    def once(self) -> None:
+    def read_all(self) -> None:
         """Read all objects once; blocks."""
         self.silent = False
         for target in self._wanted:
@@ -349,7 +349,7 @@ class _Look:
                 {"node": node_id, "index": entry.index, "subindex": entry.subindex, "error": error.message},
             )
         key = (node_id, entry.index, entry.subindex)
-        if self._shown.get(key) == text and not self._everything:
+        if self._shown.get(key) == text and not self._show_unchanged:
             return
         self._shown[key] = text
         now = time.monotonic() - self._start

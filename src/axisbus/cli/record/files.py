@@ -25,8 +25,10 @@ from axisbus.record.recording_data import Recorded
 
 def read(path: Path) -> Recorded:
     """Return the recording; report if it is incomplete. Raises as ``mcap_reader.load``."""
-    with progress_bar(f"reading {path}") as tell:
-        recorded = load(path, None if tell is None else lambda part: tell(round(part * 1000), 1000))
+    with progress_bar(f"reading {path}") as on_progress:
+        recorded = load(
+            path, None if on_progress is None else lambda part: on_progress(round(part * 1000), 1000)
+        )
     if recorded.lacks:
         echo(f"{path}: {recorded.lacks}", err=True)
     return recorded
@@ -77,12 +79,12 @@ def plot_command(recording: Path, output: Path | None, begin: float, end: float,
 def diff_command(first: Path, second: Path, within: float | None, as_json: bool) -> int:
     """Align FIRST and SECOND at the first motion of an axis, and show the largest deviations of each axis."""
     compared = compare(read(first), read(second))
-    _tell_json(compared) if as_json else _tell(compared)
+    _print_json(compared) if as_json else _print_differences(compared)
     positions = [one for one in compared.deviations if one.column == "position"]
     return WRONG if within is not None and any(abs(one.by) > within for one in positions) else OK
 
 
-def _tell(compared: Compared) -> None:
+def _print_differences(compared: Compared) -> None:
     say(
         f"{compared.seconds:.3f} s of both; the second begins to move {compared.shift:+.3f} s after the first does"
     )
@@ -96,7 +98,7 @@ def _tell(compared: Compared) -> None:
         say(f"in only one of them: {', '.join(compared.only)}")
 
 
-def _tell_json(compared: Compared) -> None:
+def _print_json(compared: Compared) -> None:
     deviations = [{**one._asdict(), "by": one.by} for one in compared.deviations]
     say_json({**compared._asdict(), "deviations": deviations})
 
@@ -127,7 +129,7 @@ def export_command(recording: Path, output: Path, force: bool) -> int:
 
 # -- ``axisbus record faults``: list the recordings of a cell's last faults ------------------------------------------------
 
-_TOLD = ("emcy", "nmt", "command")  # the most informative sort first
+_FIRST_SORTS = ("emcy", "nmt", "command")  # the most informative sort first
 
 
 _FAULT_WIDTH = 140
@@ -163,11 +165,11 @@ def _line(path: Path) -> str:
 
 def _what(recorded: Recorded) -> str:
     faulty = [name for name, track in recorded.tracks.items() if "ErrorStop" in track.columns["state"]]
-    words = [
+    description = [
         f"{event.where}: {event.text}"
-        for sort in _TOLD
+        for sort in _FIRST_SORTS
         for event in recorded.events
         if event.sort == sort and (sort != "command" or event.text.startswith("ended"))
     ]
-    text = f"{', '.join(faulty)} in ErrorStop; {words[0] if words else 'without an emergency message'}"
+    text = f"{', '.join(faulty)} in ErrorStop; {description[0] if description else 'without an emergency message'}"
     return textwrap.shorten(text, _FAULT_WIDTH, placeholder=" …")

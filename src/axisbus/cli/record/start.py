@@ -13,13 +13,13 @@ from axisbus.cli.shared.common import FAILURE, OK, WRONG, say, say_next
 from axisbus.cli.shared.options import PATH, Seconds, beside_option
 from axisbus.cli.shared.output import force_option, output_option, require_free
 from axisbus.cli.shared.progress import draw
-from axisbus.cli.shared.recordings import told
+from axisbus.cli.shared.recordings import summary
 from axisbus.machine.machine import Machine
 from axisbus.record.mcap_writer import library
 from axisbus.record.recording import Recording
 from axisbus.wording import counted
 
-_LOOK = 0.2  # seconds
+_POLL_PERIOD = 0.2  # seconds
 
 
 @click.command("start")
@@ -84,11 +84,11 @@ def command(
             machine_of(cell, command=False, beside=beside) as machine,
             machine.recording(output, axes=_names(axes), objects=_names(objects) or ()) as recording,
         ):
-            _look_on(machine, recording, seconds)
+            _wait_for_end(machine, recording, seconds)
     except KeyboardInterrupt:  # the normal end
         if recording is None:
             raise
-    say(told(recording))
+    say(summary(recording))
     say_next(f"axisbus plot {output} -o {output.with_suffix('.png')}")
     return FAILURE if recording.failed else OK
 
@@ -105,19 +105,19 @@ def _capture(
     cell: Path,
     output: Path,
     axes: list[str] | None,
-    moment: StartTrigger,
+    trigger: StartTrigger,
     seconds: float | None,
     beside: bool,
 ) -> int:
     """Wait for the trigger, and write the capture."""
-    when, before, after = moment
+    when, before, after = trigger
     with (
         machine_of(cell, command=False, beside=beside) as machine,
         machine.capture(output, when, before=before, after=after, axes=axes) as capture,
     ):
         until = None if seconds is None else time.monotonic() + seconds
         while not capture.done and not machine.session.ended and (until is None or time.monotonic() < until):
-            capture.wait(_LOOK)
+            capture.wait(_POLL_PERIOD)
             draw("the condition has become true" if capture.fired else f"waiting for {when}")
         draw("")
     if capture.failed or not capture.fired:
@@ -132,15 +132,15 @@ def _names(text: str | None) -> list[str] | None:
     return None if text is None else [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _look_on(machine: Machine, recording: Recording, seconds: float | None) -> None:
+def _wait_for_end(machine: Machine, recording: Recording, seconds: float | None) -> None:
     """Wait until the time is over, the machine is closed, or writing has failed."""
     until = None if seconds is None else time.monotonic() + seconds
     try:
         while not recording.failed and not machine.session.ended:
-            left = _LOOK if until is None else min(_LOOK, until - time.monotonic())
-            if left <= 0.0:
+            remaining = _POLL_PERIOD if until is None else min(_POLL_PERIOD, until - time.monotonic())
+            if remaining <= 0.0:
                 return
-            machine.sleep(left)
+            machine.sleep(remaining)
             draw(
                 f"{recording.seconds:.1f} s, {counted(recording.cycles, 'cycle')}, {recording.size / 1e6:.1f} MB"
             )

@@ -116,20 +116,20 @@ def frames_of(
     stack: ExitStack, machine: Machine, seconds: float | None, can_ids: Collection[int] = ()
 ) -> Iterator[CanFrame]:
     """Return the frames of a machine from now on, those of ``can_ids`` or all, as above; ``stack`` ends the subscription."""
-    told: queue.Queue[Sequence[CanFrame]] = queue.Queue()
-    hear = told.put
-    machine.session.tap(hear, can_ids)
-    stack.callback(machine.session.untap, hear)
-    return _frames(machine, told, seconds)
+    frames_queue: queue.Queue[Sequence[CanFrame]] = queue.Queue()
+    on_frames = frames_queue.put
+    machine.session.tap(on_frames, can_ids)
+    stack.callback(machine.session.untap, on_frames)
+    return _frames(machine, frames_queue, seconds)
 
 
 def _frames(
-    machine: Machine, told: queue.Queue[Sequence[CanFrame]], seconds: float | None
+    machine: Machine, frames_queue: queue.Queue[Sequence[CanFrame]], seconds: float | None
 ) -> Iterator[CanFrame]:
     until = None if seconds is None else time.monotonic() + seconds
     while until is None or time.monotonic() < until:
         try:
-            yield from told.get(timeout=_SLICE)
+            yield from frames_queue.get(timeout=_SLICE)
         except queue.Empty:
             if machine.session.ended:
                 return

@@ -23,31 +23,35 @@ class NodeLookup(Protocol):
         """Return a node."""
 
 
-def open_nodes(stack: ExitStack, asked: NodeOptions, files: NodeFiles, node_ids: Iterable[int]) -> NodeLookup:
+def open_nodes(
+    stack: ExitStack, options: NodeOptions, files: NodeFiles, node_ids: Iterable[int]
+) -> NodeLookup:
     """Return access to nodes; ``stack`` closes everything opened for it.
 
     Raises:
         StateError: a machine of the cell runs, and has no such node.
-        Other errors as ``joined`` and ``nodes.NodeSession``.
+        Other errors as ``attach_to_nodes`` and ``nodes.NodeSession``.
     """
-    return joined(stack, asked, command=False) or NodeSession(stack, asked, files, node_ids)
+    return attach_to_nodes(stack, options, command=False) or NodeSession(stack, options, files, node_ids)
 
 
-def joined(stack: ExitStack, asked: NodeOptions, *, command: bool, take: bool = False) -> JoinedNodes | None:
+def attach_to_nodes(
+    stack: ExitStack, options: NodeOptions, *, command: bool, take: bool = False
+) -> AttachedNodes | None:
     """Return the nodes of the running machine of --cell; None if none runs.
 
     Raises:
         UsageError: neither --cell nor -i is given.
         OwnershipError: control is needed, and another program has it.
     """
-    require_bus(asked)
-    if asked.cell is None or asked.interface is not None:
+    require_bus(options)
+    if options.cell is None or options.interface is not None:
         return None
-    machine = join(asked.cell, command=command, take=take)
-    return None if machine is None else JoinedNodes(stack.enter_context(machine))
+    machine = join(options.cell, command=command, take=take)
+    return None if machine is None else AttachedNodes(stack.enter_context(machine))
 
 
-class JoinedNodes:
+class AttachedNodes:
     """The nodes of a running machine."""
 
     def __init__(self, machine: Machine) -> None:

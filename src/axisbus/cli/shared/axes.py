@@ -32,10 +32,10 @@ def driven(cell: CellConfig, names: Iterable[str]) -> list[str]:
     """
     names = list(names)
     found = chosen(cell, names)
-    left = [name for name in found if name in cell.driven or name in names]
-    if not left:
+    remaining = [name for name in found if name in cell.driven or name in names]
+    if not remaining:
         raise cell.axes[found[0]].no_drive("no drive")
-    return left
+    return remaining
 
 
 def once(names: Iterable[str]) -> None:

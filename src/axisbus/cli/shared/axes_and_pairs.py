@@ -23,7 +23,7 @@ def as_pairs(cell: CellConfig, axes: Iterable[str], verb: str = "") -> list[str]
     """
     names = list(dict.fromkeys(_pair_or_axis(cell, name, axes) for name in axes))
     for name in names if verb else ():
-        require_whole(cell, name, verb)
+        require_gantry(cell, name, verb)
     return names
 
 
@@ -36,7 +36,7 @@ def _pair_of(cell: CellConfig, axis: str) -> GantryConfig | None:
     return next((pair for pair in cell.gantries.values() if axis in pair.axes), None)
 
 
-def require_whole(cell: CellConfig, name: str, verb: str) -> None:
+def require_gantry(cell: CellConfig, name: str, verb: str) -> None:
     """Check that ``name`` is not an axis of a pair.
 
     Raises:
@@ -75,7 +75,7 @@ def sides_of(cell: CellConfig, names: Iterable[str], verb: str) -> list[str]:
     """
     found: list[str] = []
     for name in names:
-        require_whole(cell, name, verb)
+        require_gantry(cell, name, verb)
         if name not in cell.axes and name not in cell.gantries:
             raise cell.no_axis(name, pairs=True)
         found += [name] if name in cell.axes else cell.gantries[name].axes

@@ -137,9 +137,9 @@ def say_next(text: str) -> None:
 
 @contextmanager
 def progress_bar(label: str, *, quiet: bool = False) -> Iterator[Callable[[int, int | None], None] | None]:
-    """Offer ``tell(done, all)``, which draws a bar on standard error if it is a terminal; if ``all`` is None, the bar stays."""
+    """Offer ``update(done, all)``, which draws a bar on standard error if it is a terminal; if ``all`` is None, the bar stays."""
     with progress_line(label, quiet=quiet) as line:
-        yield None if line is None else line.tell
+        yield None if line is None else line.update
 
 
 @contextmanager
@@ -159,7 +159,7 @@ class ProgressLine:
         self._bar = bar
         self._shown = 0
 
-    def tell(self, done: int, total: int | None) -> None:
+    def update(self, done: int, total: int | None) -> None:
         """Draw the progress; if ``total`` is None, the bar stays."""
         if total is None:
             return
@@ -176,25 +176,25 @@ class ProgressLine:
 
 @contextmanager
 def progress_phases(*, quiet: bool = False) -> Iterator[Callable[[str, int, int], None]]:
-    """Offer ``tell(what, done, all)``, which draws a bar for each phase of a long operation, as ``progress_bar``."""
+    """Offer ``update(what, done, all)``, which draws a bar for each phase of a long operation, as ``progress_bar``."""
     now = ""
     with ExitStack() as stack:
         bar = ExitStack()
-        draw: Callable[[int, int], None] | None = None
+        update_bar: Callable[[int, int], None] | None = None
         stack.callback(bar.close)
 
-        def tell(what: str, done: int, total: int) -> None:
-            nonlocal now, draw
+        def update(what: str, done: int, total: int) -> None:
+            nonlocal now, update_bar
             if what != now:
                 bar.close()
-                now, draw = what, bar.enter_context(progress_bar(what, quiet=quiet))
-            if draw is not None:
-                draw(done, total)
+                now, update_bar = what, bar.enter_context(progress_bar(what, quiet=quiet))
+            if update_bar is not None:
+                update_bar(done, total)
             if done >= total:
                 bar.close()  # so that the next output begins a new line
                 now = ""
 
-        yield tell
+        yield update
 
 
 def rounds(count: int | None, wait: Callable[[], object]) -> Iterator[None]:
@@ -214,11 +214,11 @@ def say_json(value: Any) -> None:
 # -- Error texts for the command line: calls in a remedy of the library are replaced by options and commands -----------
 
 
-_WHO = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
+_AXIS_IN_TEXT = re.compile(r"([A-Za-z_][\w-]*)(?:\.\w+\(|: )")  # "x.move_absolute(1 deg): ...", or "x: ..."
 
 
 # How to reopen the machine: by the command itself if it has opened the machine, else by the program that it has joined.
-_AGAIN = "if the machine is already running, end it (Ctrl-C in axisbus run) and start it again; then repeat the command"
+_REPEAT_REMEDY = "if the machine is already running, end it (Ctrl-C in axisbus run) and start it again; then repeat the command"
 
 
 # Longer patterns first: the shorter ones replace the rest.
@@ -255,7 +255,7 @@ _TABLE: tuple[tuple[re.Pattern[str], str], ...] = tuple(
         (r"give (velocity|acceleration|timeout) = \.\.\.(?: \(seconds\))? in the call", r"give --\1"),
         (r"give \w+ = \.\.\.(?: \([^)]*\))? in the call, or", "write"),
         (r"the call does not give it, and", "no option gives it, and"),
-        (r"(then )?close the machine,? (?:and|which)[^;]*", rf"\1{_AGAIN}"),
+        (r"(then )?close the machine,? (?:and|which)[^;]*", rf"\1{_REPEAT_REMEDY}"),
         (r"; in a program: \S+\(\w+\)\.(?:command\(NmtCommand\.START\)|boot\(\))", ""),
         (r"; in a program: machine\.reconnect\(\)", ""),
         (r"--cell CELL", "--cell CELL"),
@@ -286,10 +286,12 @@ def with_page(error: BaseException) -> str:
 def in_commands(error: BaseException) -> str:
     """Return the texts of an error; calls in them are replaced by commands."""
     text = str(error)
-    who = _WHO.match(text)
+    axis_match = _AXIS_IN_TEXT.match(text)
     cell = next((each for each in sys.argv[1:] if each.endswith(".toml")), "")
     for pattern, command in (*_TABLE, *(() if cell else _WITHOUT_CELL)):
-        command = command.replace("CELL", cell or "cell.toml").replace("AXIS", who[1] if who else "AXIS")
+        command = command.replace("CELL", cell or "cell.toml").replace(
+            "AXIS", axis_match[1] if axis_match else "AXIS"
+        )
         text = pattern.sub(_literal(command), text)
     return text
 

@@ -63,13 +63,13 @@ def commanded(
                 found_off = [axis.name for axis in axes if axis.state is AxisState.DISABLED]
             yield machine, axes
             wait([machine[name].disable() for name in found_off])
-            _say_left(machine)
+            _report_still_enabled(machine)
     except BaseException:
         _disable_again(cell, found_off)
         raise
 
 
-def _say_left(machine: Machine) -> None:
+def _report_still_enabled(machine: Machine) -> None:
     all_off = not machine.is_attached or all(axis.state is AxisState.DISABLED for axis in machine)
     say(
         "all axes are at standstill and disabled"
@@ -81,16 +81,16 @@ def _say_left(machine: Machine) -> None:
 def _disable_again(cell: Path, names: Sequence[str]) -> None:
     """Disable axes of a machine that this command has already left; report those that cannot be disabled."""
     try:
-        left = _still_on(cell, names)
-        if not left:
+        still_enabled = _still_on(cell, names)
+        if not still_enabled:
             return
         machine = Machine.try_attach(cell, command=True)
         if machine is not None:
             with machine:
-                wait([machine[name].disable() for name in left])
-        echo(f"disabled again: {', '.join(left)}", err=True)
+                wait([machine[name].disable() for name in still_enabled])
+        echo(f"disabled again: {', '.join(still_enabled)}", err=True)
     except OwnershipError as error:
-        echo(f"left enabled: {', '.join(left)}; {error.observed}", err=True)
+        echo(f"left enabled: {', '.join(still_enabled)}; {error.observed}", err=True)
     except (AxisbusError, ExceptionGroup) as error:
         _say_unknown(names, one_line(error))
     except BaseException:  # a further Ctrl-C, or SIGTERM

@@ -95,7 +95,7 @@ class FrameSource:
     known: TraceContext = field(repr=False)
 
 
-# SOURCE, the bus options, --cell and --eds; a command gets them together as ``asked``.
+# SOURCE, the bus options, --cell and --eds; a command gets them together as ``options``.
 source_options = together(
     click.argument("source", required=False),
     bus_options,
@@ -105,11 +105,11 @@ source_options = together(
         help="Cell file to decode with; frames come from SOURCE or -i if one is given, otherwise from its bus.",
     ),
     click.option("--eds", multiple=True, metavar="N=FILE", help="EDS or DCF of node N; may be repeated."),
-    packed(FrameSourceOptions, "asked"),
+    packed(FrameSourceOptions, "options"),
 )
 
 
-def open_frames(stack: ExitStack, asked: FrameSourceOptions, seconds: float | None) -> FrameSource:
+def open_frames(stack: ExitStack, frame_options: FrameSourceOptions, seconds: float | None) -> FrameSource:
     """Open the requested source; ``stack`` closes it.
 
     Raises:
@@ -118,58 +118,58 @@ def open_frames(stack: ExitStack, asked: FrameSourceOptions, seconds: float | No
     """
     from axisbus.bus.link import frame_files
 
-    asked.check()
-    loaded, known = _known(asked)
+    frame_options.check()
+    loaded, known = _known(frame_options)
     skipped = frame_files.SkippedLines()
-    if asked.recording == STDIN:
-        heard = frame_files.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
-        frames = frame_files.of_channel(heard, skipped, asked.channel, "standard input")
-    elif asked.recording is not None:
-        frames = frame_files.read(Path(asked.recording), skipped, asked.channel)
+    if frame_options.recording == STDIN:
+        text_lines = frame_files.lines((raw.decode("ascii", "replace") for raw in sys.stdin.buffer), skipped)
+        frames = frame_files.of_channel(text_lines, skipped, frame_options.channel, "standard input")
+    elif frame_options.recording is not None:
+        frames = frame_files.read(Path(frame_options.recording), skipped, frame_options.channel)
     else:
-        frames = _live(stack, asked, loaded, seconds)
+        frames = _live(stack, frame_options, loaded, seconds)
     return FrameSource(frames, loaded, skipped, known)
 
 
 def _live(
-    stack: ExitStack, asked: FrameSourceOptions, loaded: CellConfig | None, seconds: float | None
+    stack: ExitStack, frame_options: FrameSourceOptions, loaded: CellConfig | None, seconds: float | None
 ) -> Iterator[CanFrame]:
-    if asked.interface == SIMULATED:
+    if frame_options.interface == SIMULATED:
         from axisbus.core.listen_only import listen_to
 
-        return listen_to(simulated(asked.channel, asked.option), stack).frames(seconds)
-    if asked.interface is not None:
+        return listen_to(simulated(frame_options.channel, frame_options.option), stack).frames(seconds)
+    if frame_options.interface is not None:
         from axisbus.bus.link.listen import listen
 
-        options = parse_options(asked.option)
-        require_rate(asked.interface, asked.bitrate, options)
-        return stack.enter_context(listen(asked.interface, asked.channel, asked.bitrate, options)).frames(
-            seconds
-        )
+        options = parse_options(frame_options.option)
+        require_rate(frame_options.interface, frame_options.bitrate, options)
+        return stack.enter_context(
+            listen(frame_options.interface, frame_options.channel, frame_options.bitrate, options)
+        ).frames(seconds)
     from axisbus.core.listen_only import listen_to
 
     assert loaded is not None  # ``FrameSourceOptions.check``
-    bus = with_options(loaded, asked.channel, asked.bitrate, asked.option)
-    if asked.channel is None and not asked.option:
+    bus = with_options(loaded, frame_options.channel, frame_options.bitrate, frame_options.option)
+    if frame_options.channel is None and not frame_options.option:
         from axisbus.cli.shared.attach_or_open import frames_of_machine
 
-        joined = frames_of_machine(stack, Path(loaded.file), seconds)
-        if joined is not None:
-            return joined
+        frames_of_running = frames_of_machine(stack, Path(loaded.file), seconds)
+        if frames_of_running is not None:
+            return frames_of_running
     return listen_to(bus, stack).frames(seconds)
 
 
-def _known(asked: FrameSourceOptions) -> tuple[CellConfig | None, TraceContext]:
+def _known(frame_options: FrameSourceOptions) -> tuple[CellConfig | None, TraceContext]:
     from dataclasses import replace
 
     from axisbus.cell import reader
     from axisbus.core.files import load_dictionaries
     from axisbus.trace import context
 
-    files = dict(eds_of(text) for text in asked.eds)
-    if asked.cell_file is None:
+    files = dict(eds_of(text) for text in frame_options.eds)
+    if frame_options.cell_file is None:
         return None, context.of_eds(files)
-    loaded = reader.load(asked.cell_file)
+    loaded = reader.load(frame_options.cell_file)
     found = context.of_cell(
         loaded, {**load_dictionaries(loaded), **{n: eds for n, eds in files.items() if n in loaded.nodes}}
     )

@@ -41,12 +41,16 @@ class LazyGroup(click.Group):
         """Find the subcommand; suggest similar ones for an unknown name."""
         name = args[0]
         if name not in self._table and not name.startswith("-"):
-            meant = self._meant(ctx, name)
-            ask = f"; did you mean {' or '.join(meant)}?" if meant else f"; {ctx.command_path} -h lists all"
-            ctx.fail(f"there is no command {name!r}{ask}")
+            similar_names = self._similar(ctx, name)
+            hint = (
+                f"; did you mean {' or '.join(similar_names)}?"
+                if similar_names
+                else f"; {ctx.command_path} -h lists all"
+            )
+            ctx.fail(f"there is no command {name!r}{hint}")
         return super().resolve_command(ctx, args)
 
-    def _meant(self, ctx: click.Context, name: str) -> list[str]:
+    def _similar(self, ctx: click.Context, name: str) -> list[str]:
         """Return the commands with this name one level below, else those with a similar name."""
         inner = [
             f"{ctx.command_path} {group} {name}"
@@ -54,8 +58,8 @@ class LazyGroup(click.Group):
             if isinstance(found := self.get_command(ctx, group), LazyGroup)
             and name in found.list_commands(ctx)
         ]
-        near = difflib.get_close_matches(name.lower(), self._table, n=3, cutoff=0.6)
-        return inner or [f"{ctx.command_path} {each}" for each in near]
+        matches = difflib.get_close_matches(name.lower(), self._table, n=3, cutoff=0.6)
+        return inner or [f"{ctx.command_path} {each}" for each in matches]
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """List the subcommands without importing them."""

@@ -17,7 +17,7 @@ class _Traffic(NamedTuple):
     load: tuple[float, float] | None
 
 
-class BesideAxes:
+class MachineStatus:
     """Observe a machine repeatedly; holds the bus counters of the last computed load."""
 
     def __init__(self, machine: Machine) -> None:
@@ -33,22 +33,22 @@ class BesideAxes:
 
     def values(self) -> dict[str, object]:
         """Return the same as plain values; the load is None at the first call, and if the bit rate is unknown."""
-        traffic = self._look()
+        traffic = self._read_traffic()
         load = None if traffic is None else traffic.load
-        late = self._machine.cycle_jitter
+        jitter = self._machine.cycle_jitter
         return {
             "frames_per_second": None if traffic is None else traffic.frames,
             "load_least": None if load is None else load[0],
             "load_worst": None if load is None else load[1],
-            "cycles": late.cycles,
-            "skipped": late.skipped,
-            "late_p50": late.p50,
-            "late_p99": late.p99,
-            "late_worst": late.worst,
+            "cycles": jitter.cycles,
+            "skipped": jitter.skipped,
+            "late_p50": jitter.p50,
+            "late_p99": jitter.p99,
+            "late_worst": jitter.worst,
             "programs": [{"who": each.who, "commands": each.commands} for each in self._machine.programs],
         }
 
-    def _look(self) -> _Traffic | None:
+    def _read_traffic(self) -> _Traffic | None:
         before, now = self._before, self._machine.bus_traffic
         if before is None or now is None or now.time < before.time + _SHORTEST:
             return self._traffic
@@ -58,13 +58,13 @@ class BesideAxes:
         return self._traffic
 
     def _bus(self) -> str:
-        traffic = self._look()
+        traffic = self._read_traffic()
         if traffic is None:
             return ""
         full = f"{traffic.frames:.0f} frames/s"
         if traffic.load is not None and self._rate is not None:
-            least, most = traffic.load
-            full = f"{least:.0%} to {most:.0%} of {self._rate / 1000:g} kbit/s, {full}"
+            lowest, highest = traffic.load
+            full = f"{lowest:.0%} to {highest:.0%} of {self._rate / 1000:g} kbit/s, {full}"
         events = self._machine.bus_events
         return f"bus: {full}" + (f"; the controller is {events[-1].condition.value}" if events else "")
 

@@ -19,7 +19,7 @@ _NO_MODE = (
     "python-can cannot open this adapter in listen-only mode, and a wrong bit rate destroys every frame of a working bus: "
     "ask the person who set up the bus, or try another rate with -b only if nothing else runs on it"
 )
-_ALONE = (
+_SINGLE_NODE = (
     "if the bus has only one node and this adapter, its frames are received only if this adapter acknowledges them: if "
     "nothing else runs on this bus, scan it with {} too"
 )
@@ -41,12 +41,12 @@ def listen(opening: Opening, *, quiet: bool = False) -> BitRateTraffic | None:
     return other_rates.find(opening.interface, opening.channel, opening.bitrate, opening.options)
 
 
-def lines(heard: BitRateTraffic) -> list[str]:
+def lines(traffic: BitRateTraffic) -> list[str]:
     """Return the traffic received at another bit rate, as lines."""
-    nodes = f", CANopen nodes {', '.join(map(str, heard.nodes))}" if heard.nodes else ""
+    nodes = f", CANopen nodes {', '.join(map(str, traffic.nodes))}" if traffic.nodes else ""
     return [
-        f"this bus runs at {heard.bitrate} bit/s: {counted(heard.frames, 'frame was', 'frames were')} heard{nodes}",
-        *heard.others.lines(),
+        f"this bus runs at {traffic.bitrate} bit/s: {counted(traffic.frames, 'frame was', 'frames were')} heard{nodes}",
+        *traffic.others.lines(),
     ]
 
 
@@ -57,21 +57,21 @@ def advice(opening: Opening) -> list[str]:
 
     rates = ForeignProtocols().factory_rates
     named = " and ".join(f"-b {rate}" for rate in rates) or "other bit rates (-b)"
-    whose = "".join(f", the factory setting of {make}" for make in rates.values())
-    alone = _ALONE.format(named) + whose
+    makers = "".join(f", the factory setting of {make}" for make in rates.values())
+    single_node_hint = _SINGLE_NODE.format(named) + makers
     if other_rates.possible(opening.interface, opening.options):
-        return ["nothing was heard at any other bit rate either", alone]
+        return ["nothing was heard at any other bit rate either", single_node_hint]
     if opening.interface == "socketcan":
-        return [_SYSTEM.format(opening.channel, next(iter(rates), _OTHER_RATE)), alone]
-    return [_NO_MODE, alone] if interfaces.sets_rate(opening.interface, opening.options) else []
+        return [_SYSTEM.format(opening.channel, next(iter(rates), _OTHER_RATE)), single_node_hint]
+    return [_NO_MODE, single_node_hint] if interfaces.sets_rate(opening.interface, opening.options) else []
 
 
-def show(heard: BitRateTraffic | None, opening: Opening) -> None:
+def show(traffic: BitRateTraffic | None, opening: Opening) -> None:
     """Print the traffic received at another bit rate, or the next steps."""
-    if heard is None:
+    if traffic is None:
         for line in advice(opening):
             say(line)
         return
-    for line in lines(heard):
+    for line in lines(traffic):
         say(line)
-    say_next(f"use this rate: -b {heard.bitrate}, or bitrate = {heard.bitrate} in [bus]")
+    say_next(f"use this rate: -b {traffic.bitrate}, or bitrate = {traffic.bitrate} in [bus]")

@@ -38,7 +38,7 @@ class NodeFiles:
 
     cell: CellConfig | None
     eds: dict[int, Eds] = field(default_factory=dict)
-    every: Eds | None = None
+    default_eds: Eds | None = None
 
     @classmethod
     def of(cls, cell: Path | None, eds: tuple[str, ...]) -> NodeFiles:
@@ -49,8 +49,8 @@ class NodeFiles:
         """
         numbered = dict(eds_of(text) for text in eds if "=" in text)
         plain = [text for text in eds if "=" not in text]
-        every = load(plain[-1]) if plain else None
-        return cls(reader.load(cell) if cell is not None else None, numbered, every)
+        default_eds = load(plain[-1]) if plain else None
+        return cls(reader.load(cell) if cell is not None else None, numbered, default_eds)
 
     def address(self, text: str) -> Address:
         """Return the node for a text: a node ID, or an axis of the cell.
@@ -80,7 +80,7 @@ class NodeFiles:
 
     def eds_for(self, node_id: int) -> Eds | None:
         """Return the EDS of a node; None if none was given."""
-        found = self.eds.get(node_id, self.every)
+        found = self.eds.get(node_id, self.default_eds)
         if found is not None or self.cell is None or node_id not in self.cell.nodes:
             return found
         file = self.cell.nodes[node_id].file
@@ -121,7 +121,7 @@ class NodeOptions:
         return NodeFiles.of(self.cell, self.eds)
 
 
-# The bus options, --cell and --eds; a command gets them together as ``asked``.
+# The bus options, --cell and --eds; a command gets them together as ``options``.
 node_options = together(
     click.option("--cell", type=PATH, help="Take bus, EDS files and units from this cell file."),
     bus_options,
@@ -131,7 +131,7 @@ node_options = together(
         metavar="[N=]FILE",
         help="EDS or DCF of node N; without N=, of every node named.",
     ),
-    packed(NodeOptions, "asked"),
+    packed(NodeOptions, "options"),
 )
 
 
@@ -139,7 +139,7 @@ class NodeSession:
     """A bus with the requested nodes; holds state: the open channel and nodes, which ``stack`` closes."""
 
     def __init__(
-        self, stack: ExitStack, asked: NodeOptions, files: NodeFiles, node_ids: Iterable[int] = ()
+        self, stack: ExitStack, options: NodeOptions, files: NodeFiles, node_ids: Iterable[int] = ()
     ) -> None:
         """Read the EDS files of the nodes known so far, then open the bus.
 
@@ -147,12 +147,12 @@ class NodeSession:
             UsageError: neither --cell nor -i is given.
             Other errors as ``NodeFiles.eds_for`` and ``buses.open_bus``.
         """
-        require_bus(asked)
+        require_bus(options)
         self.files = files
         self._stack = stack
         self._eds = {node_id: files.eds_for(node_id) for node_id in node_ids}
         self.bus: Channel = open_bus(
-            stack, asked.cell, asked.interface, asked.channel, asked.bitrate, asked.option
+            stack, options.cell, options.interface, options.channel, options.bitrate, options.option
         )
         self._nodes: dict[int, CanopenNode] = {}
 
@@ -166,9 +166,9 @@ class NodeSession:
         return self._nodes[node_id]
 
 
-def require_bus(asked: NodeOptions) -> None:
+def require_bus(options: NodeOptions) -> None:
     """Raise UsageError if no bus is given."""
-    if asked.cell is None and asked.interface is None:
+    if options.cell is None and options.interface is None:
         raise click.UsageError(
             "give a cell file with --cell, or the bus with -i and -c (such as: -i socketcan -c can0)"
         )

@@ -99,12 +99,12 @@ class NumberType(click.ParamType):  # type: ignore[type-arg,unused-ignore]
 
 
 class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
-    """A finite time of at least ``least``, in seconds or with its unit: 0.5, 500ms, 10s, 5min, 1h."""
+    """A finite time of at least ``minimum``, in seconds or with its unit: 0.5, 500ms, 10s, 5min, 1h."""
 
     name = "seconds"
 
-    def __init__(self, least: float = 0.001) -> None:
-        self._least = least
+    def __init__(self, minimum: float = 0.001) -> None:
+        self._minimum = minimum
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
         """Turn text into seconds."""
@@ -114,9 +114,9 @@ class Seconds(click.ParamType):  # type: ignore[type-arg,unused-ignore]
             found = float(number) * _UNITS[unit]
         except ValueError:
             found = math.nan
-        if not self._least <= found <= _LONGEST:
+        if not self._minimum <= found <= _LONGEST:
             self.fail(
-                f"{value!r} is not a valid time: give seconds, {self._least:g} or more, or a time such as 500ms or 10s",
+                f"{value!r} is not a valid time: give seconds, {self._minimum:g} or more, or a time such as 500ms or 10s",
                 param,
                 ctx,
             )
@@ -135,8 +135,10 @@ class BitRate(click.ParamType):  # type: ignore[type-arg,unused-ignore]
         except ValueError:
             rate = 0
         if not _SLOWEST <= rate <= _FASTEST:
-            meant = f", such as {rate * 1000}" if _SLOWEST <= rate * 1000 <= _FASTEST else ", such as 500000"
-            self.fail(f"{value!r} is not a bit rate of a CAN bus: give bit/s{meant}", param, ctx)
+            suggestion = (
+                f", such as {rate * 1000}" if _SLOWEST <= rate * 1000 <= _FASTEST else ", such as 500000"
+            )
+            self.fail(f"{value!r} is not a bit rate of a CAN bus: give bit/s{suggestion}", param, ctx)
         return rate
 
 

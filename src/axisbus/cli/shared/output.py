@@ -41,7 +41,7 @@ def require_writable(output: Path | None, concise: Path | None = None) -> None:
     """
     for path, option in _given(output, concise):
         try:
-            _try(path)
+            _require_writable(path)
         except OSError as error:
             raise _cannot(path, error, option) from error
     if output is not None and concise is not None and os.path.realpath(output) == os.path.realpath(concise):
@@ -97,19 +97,19 @@ def write_file(path: Path, write: Callable[[Path], object]) -> None:
 
 
 def _replace(target: Path, write: Callable[[Path], object], suffix: str) -> None:
-    beside = _beside(target.parent, suffix)
+    temporary = _temporary_path(target.parent, suffix)
     try:
-        write(beside)
-        with beside.open("ab") as file:
+        write(temporary)
+        with temporary.open("ab") as file:
             os.fsync(file.fileno())
         if target.exists():
-            shutil.copymode(target, beside)
-        beside.replace(target)
+            shutil.copymode(target, temporary)
+        temporary.replace(target)
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-def _try(path: Path) -> None:
+def _require_writable(path: Path) -> None:
     if path.is_dir():
         raise IsADirectoryError("it is a folder")
     if _is_special(path):
@@ -119,12 +119,12 @@ def _try(path: Path) -> None:
     if not folder.is_dir():
         raise NotADirectoryError(f"{folder} is not a folder")
     target.exists()  # fails if the name is too long
-    probe = _beside(folder)
+    probe = _temporary_path(folder)
     probe.touch(exist_ok=False)
     probe.unlink()
 
 
-def _beside(folder: Path, suffix: str = "") -> Path:
+def _temporary_path(folder: Path, suffix: str = "") -> Path:
     """Return an unused temporary name in a folder: a killed run may have left one, and the file's name may be too long."""
     return folder / f".axisbus-{os.urandom(6).hex()}.new{suffix}"
 

@@ -40,7 +40,7 @@ class TraceOption:
         return click.option(self.name, default="", metavar="N,N,...", help=self.help)(function)
 
 
-def _nobody(values: Sequence[Any]) -> list[ForeignNode]:  # noqa: ARG001
+def _no_nodes(values: Sequence[Any]) -> list[ForeignNode]:  # noqa: ARG001
     return []
 
 
@@ -64,7 +64,7 @@ class SimOption:
     type: click.ParamType  # type: ignore[type-arg,unused-ignore]
     help: str
     about: str = ""
-    foreign_nodes: Callable[[Sequence[Any]], Sequence[ForeignNode]] = _nobody
+    foreign_nodes: Callable[[Sequence[Any]], Sequence[ForeignNode]] = _no_nodes
     text: Callable[[Sequence[Any]], str] = _no_text
     serve: Callable[[Sequence[Any]], AbstractContextManager[None]] = _not_served
 

@@ -28,7 +28,7 @@ class MoverProgress:
 
     mover: Mover
     handle: Handle
-    whole: float = 0.0
+    longest: float = 0.0
 
     def text(self) -> str:
         """Return the position and the remainder; the end of a homing is not known in advance."""
@@ -37,41 +37,41 @@ class MoverProgress:
             where = f"{self.mover.name} {axis.position:.3f} {axis.unit}"
         except StaleError:
             return f"{self.mover.name} position unknown"
-        left = axis.distance_to_go
-        if not self.handle.busy or left is None:
+        remaining = axis.distance_to_go
+        if not self.handle.busy or remaining is None:
             return where
-        self.whole = max(self.whole, abs(left))
-        share = 1.0 - abs(left) / self.whole if self.whole else 1.0
-        return f"{where}, {share:.0%}, {abs(left):.3f} {axis.unit}{self._seconds(abs(left))} left"
+        self.longest = max(self.longest, abs(remaining))
+        share = 1.0 - abs(remaining) / self.longest if self.longest else 1.0
+        return f"{where}, {share:.0%}, {abs(remaining):.3f} {axis.unit}{self._seconds(abs(remaining))} left"
 
     @property
     def _axis(self) -> Axis:
         """The axis, or the axis of a pair that defines the position of the beam."""
         return axes_of(self.mover)[0]
 
-    def _seconds(self, left: float) -> str:
+    def _seconds(self, remaining: float) -> str:
         try:
             speed = abs(self._axis.velocity)
         except StaleError:
             return ""
-        return f" and {left / speed:.1f} s" if speed > self.whole * _SLOWEST else ""
+        return f" and {remaining / speed:.1f} s" if speed > self.longest * _SLOWEST else ""
 
 
-def follow(machine: Machine, ways: Sequence[MoverProgress], hold: float | None = None) -> None:
+def follow(machine: Machine, movers: Sequence[MoverProgress], hold_time: float | None = None) -> None:
     """Wait until all have ended; on a terminal, show their progress in a line.
 
-    ``hold``: the seconds of ``Machine.hold_to_run``, which is renewed meanwhile.
+    ``hold_time``: the seconds of ``Machine.hold_to_run``, which is renewed meanwhile.
 
     Raises:
         ExceptionGroup: as ``wait``.
     """
-    handles = [way.handle for way in ways]
-    if hold is not None or is_terminal():
+    handles = [each.handle for each in movers]
+    if hold_time is not None or is_terminal():
         try:
             while any(handle.busy for handle in handles):
-                if hold is not None:
-                    machine.hold_to_run(hold)
-                draw("; ".join(way.text() for way in ways))
+                if hold_time is not None:
+                    machine.hold_to_run(hold_time)
+                draw("; ".join(each.text() for each in movers))
                 machine.sleep(_REDRAW)
         finally:
             draw("")

@@ -65,10 +65,10 @@ def recorded(machine: Machine, path: Path | None) -> Iterator[RecordingEnd]:
             yield end
     finally:
         end.failed = bool(recording.failed)
-        say(told(recording))
+        say(summary(recording))
 
 
-def told(recording: Recording) -> str:
+def summary(recording: Recording) -> str:
     """Return a summary of a recording."""
     text = f"recorded: {recording.path}, {recording.seconds:.1f} s, {counted(recording.cycles, 'cycle')}"
     text += f", {recording.size / 1e6:.2f} MB"

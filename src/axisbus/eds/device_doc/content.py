@@ -37,11 +37,11 @@ class ReferenceRow:
 
 @dataclass(frozen=True, slots=True)
 class Explained:
-    """Tables of bits and values of one entry; ``elsewhere`` is the index of the object that already shows the same tables."""
+    """Tables of bits and values of one entry; ``described_at`` is the index of the object that already shows the same tables."""
 
     name: str
     tables: tuple[Table, ...] = ()
-    elsewhere: int | None = None
+    described_at: int | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,9 +61,9 @@ class ObjectPage:
         return f"o{self.index:04X}"
 
     @property
-    def place(self) -> str:
+    def address_text(self) -> str:
         """The object's index for display."""
-        return wording.place(self.index)
+        return wording.address_text(self.index)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,33 +112,39 @@ def reference(
 
     ``findings`` are those of a check, else those of the reading.
     """
-    seen = overview.overview(eds, node_id)
+    summary = overview.overview(eds, node_id)
     pdos = layout.layouts(eds, node_id)
     return DeviceReference(
-        seen.title,
+        summary.title,
         PurePath(eds.source).name,
-        tuple(_facts(eds, seen, node_id)),
-        seen.axes,
-        tuple(_modes(seen)),
+        tuple(_facts(eds, summary, node_id)),
+        summary.axes,
+        tuple(_modes(summary)),
         pdos,
         tuple(_Pages(eds, node_id, pdos).areas()),
         tuple(eds.findings if findings is None else findings),
     )
 
 
-def _facts(eds: Eds, seen: EdsOverview, node_id: int | None) -> Iterator[Fact]:
+def _facts(eds: Eds, summary: EdsOverview, node_id: int | None) -> Iterator[Fact]:
     device = eds.info.get("deviceinfo", {})
-    who = seen.identity
+    identity = summary.identity
     for title, text in (
-        ("Maker", seen.vendor),
-        ("Product", seen.product),
-        ("Order code", seen.order_code),
-        ("Vendor-ID", _hex(who.vendor_id)),
-        ("Product code", _hex(who.product_code)),
-        ("Revision number", _hex(who.revision)),
-        ("Device type", f"{_hex(seen.device_type)}, {seen.kind}" if seen.device_type is not None else ""),
-        ("Axes", str(seen.axes) if seen.axes > 1 else ""),
-        ("Bit rates", ", ".join(map(str, seen.bit_rates)) + " kbit/s" if seen.bit_rates else "none given"),
+        ("Maker", summary.vendor),
+        ("Product", summary.product),
+        ("Order code", summary.order_code),
+        ("Vendor-ID", _hex(identity.vendor_id)),
+        ("Product code", _hex(identity.product_code)),
+        ("Revision number", _hex(identity.revision)),
+        (
+            "Device type",
+            f"{_hex(summary.device_type)}, {summary.kind}" if summary.device_type is not None else "",
+        ),
+        ("Axes", str(summary.axes) if summary.axes > 1 else ""),
+        (
+            "Bit rates",
+            ", ".join(map(str, summary.bit_rates)) + " kbit/s" if summary.bit_rates else "none given",
+        ),
         ("LSS", "supported" if device.get("lss_supported", "").strip() in ("1", "0x1", "0x01") else ""),
         ("Node ID", str(node_id) if node_id is not None else "not given: values with $NODEID are formulas"),
         ("Contents", overview.contents(eds)),
@@ -167,11 +173,11 @@ def _file(eds: Eds) -> str:
     return ", ".join(part for part in parts if part)
 
 
-def _modes(seen: EdsOverview) -> Iterator[ModeRow]:
-    said = {True: "yes", False: "no", None: "not said"}
-    for claim in seen.claims:
-        missing = ", ".join(wording.place(index) for index in claim.missing)
-        yield ModeRow(claim.axis, claim.short, claim.mode.text, said[claim.claimed], missing)
+def _modes(summary: EdsOverview) -> Iterator[ModeRow]:
+    claim_texts = {True: "yes", False: "no", None: "not said"}
+    for claim in summary.claims:
+        missing = ", ".join(wording.address_text(index) for index in claim.missing)
+        yield ModeRow(claim.axis, claim.short, claim.mode.text, claim_texts[claim.claimed], missing)
 
 
 class _Pages:
@@ -216,7 +222,7 @@ class _Pages:
             wording.type_name(first),
             first.access,
             wording.pdo_direction(first),
-            show.value_words(self._eds, first, self._node_id),
+            show.value_text(self._eds, first, self._node_id),
             wording.limits(first, self._node_id),
             tuple(self._remarks(entry, first)),
         )
@@ -225,7 +231,7 @@ class _Pages:
         return show.remarks(entry, sub, self._pdos)
 
     def _explained(self, entry: Object) -> Iterator[Explained]:
-        elsewhere: dict[int, list[str]] = {}
+        described_at: dict[int, list[str]] = {}
         for sub in entry.subs.values():
             tables = value_texts.tables(sub.index, sub.subindex)
             if not tables:
@@ -235,8 +241,8 @@ class _Pages:
             if first == entry.index:
                 yield Explained(name, tables)
             else:
-                elsewhere.setdefault(first, []).append(name)
-        yield from (Explained(", ".join(names), elsewhere=index) for index, names in elsewhere.items())
+                described_at.setdefault(first, []).append(name)
+        yield from (Explained(", ".join(names), described_at=index) for index, names in described_at.items())
 
 
 def _kind(entry: Object) -> str:

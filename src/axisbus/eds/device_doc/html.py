@@ -73,7 +73,7 @@ def _modes(page: DeviceReference) -> Iterator[str]:
     if not page.axes:
         return
     several = page.axes > 1
-    heads = [
+    column_titles = [
         *(["Axis"] if several else []),
         "Mode",
         "",
@@ -81,7 +81,7 @@ def _modes(page: DeviceReference) -> Iterator[str]:
         "Mandatory objects that are not there",
     ]
     yield '<h2 id="modes">Modes of operation</h2>'
-    yield '<table class="plain">' + _head(heads) + "<tbody>"
+    yield '<table class="plain">' + _head(column_titles) + "<tbody>"
     for mode in page.modes:
         cells = [escape(text) for text in ([str(mode.axis)] if several else []) + [mode.short, mode.name]]
         kind = _class(["warning"]) if mode.claimed == "yes" and mode.missing else ""
@@ -139,7 +139,7 @@ def _object(each: ObjectPage) -> Iterator[str]:
     tail = list(_remarks([], each.explained))
     if not plain:
         yield (
-            f'<tr class="object" id="{each.anchor}"><th class="mono">{each.place}</th>'
+            f'<tr class="object" id="{each.anchor}"><th class="mono">{each.address_text}</th>'
             f'<th colspan="6">{escape(each.name)} <span class="faint">{escape(each.kind)}</span></th></tr>'
         )
     for row in each.rows:
@@ -152,7 +152,7 @@ def _object(each: ObjectPage) -> Iterator[str]:
 def _row(row: ReferenceRow, owner: ObjectPage | None, remarks: list[str]) -> Iterator[str]:
     kinds = [*(["plain-object"] if owner else []), *(["has-remark"] if remarks else [])]
     opening = f"<tr{_class(kinds)}{f' id={owner.anchor!r}' if owner else ''}>".replace("'", '"')
-    address = owner.place if owner else f":{row.address}"
+    address = owner.address_text if owner else f":{row.address}"
     name = f"<strong>{escape(row.name)}</strong>" if owner else escape(row.name)
     if owner and owner.kind:
         name += f' <span class="faint">{escape(owner.kind)}</span>'
@@ -175,8 +175,8 @@ def _remarks(remarks: Iterable[tuple[str, str]], explained: Iterable[Explained])
         yield f"<div>{escape(title)}: {escape(text)}</div>"
     for each in explained:
         name = f"{escape(each.name)}: " if each.name else ""
-        if each.elsewhere is not None:
-            yield f"<div>{name}bits and values: see {_link(each.elsewhere, wording.place(each.elsewhere))}</div>"
+        if each.described_at is not None:
+            yield f"<div>{name}bits and values: see {_link(each.described_at, wording.address_text(each.described_at))}</div>"
         else:
             yield f'<div class="tables">{"".join(_meaning(name, table) for table in each.tables)}</div>'
 
@@ -236,7 +236,7 @@ def svg(layout: PdoLayout) -> str:
         return ""
     rows = min(_ROWS, (layout.size + 7) // 8)
     height = rows * (_HEIGHT + _RULER) + 1
-    parts = [part for row in range(rows) for part in _drawing_row(layout, row)]
+    parts = [part for row in range(rows) for part in _bar_row(layout, row)]
     label = escape(
         f"{layout.name}: {', '.join(f'{slot.where} {slot.address} {slot.name}' for slot in layout.slots)}"
     )
@@ -251,7 +251,7 @@ def has_letter(slot: PdoSlot) -> bool:
     return slot.bits * _BIT < _NARROW
 
 
-def _drawing_row(layout: PdoLayout, row: int) -> Iterator[str]:
+def _bar_row(layout: PdoLayout, row: int) -> Iterator[str]:
     top = row * (_HEIGHT + _RULER)
     low, high = row * 64, row * 64 + 64
     for byte in range(8):

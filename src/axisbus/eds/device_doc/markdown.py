@@ -93,7 +93,7 @@ def _area(area: AreaPage) -> Iterator[str]:
 
 def _object(each: ObjectPage) -> Iterator[str]:
     kind = f" ({each.kind})" if each.kind else ""
-    yield from _heading(f"{each.place} {each.name}{kind}", each.anchor, "###")
+    yield from _heading(f"{each.address_text} {each.name}{kind}", each.anchor, "###")
     yield from _table(_COLUMNS, (_cells(row) for row in each.rows))
     remarks = list(_remarks(each))
     yield from remarks
@@ -110,14 +110,14 @@ def _cells(row: ReferenceRow) -> tuple[str, ...]:
 
 def _remarks(each: ObjectPage) -> Iterator[str]:
     for row in each.rows:
-        place = f":{row.address} " if row.address else ""
-        yield from (f"- {place}{title}: {_text(text)}" for title, text in row.remarks)
+        address_text = f":{row.address} " if row.address else ""
+        yield from (f"- {address_text}{title}: {_text(text)}" for title, text in row.remarks)
 
 
 def _explained(each: Explained) -> Iterator[str]:
     name = f"{each.name}: " if each.name else ""
-    if each.elsewhere is not None:
-        yield f"{_text(name)}bits and values: see [{wording.place(each.elsewhere)}](#o{each.elsewhere:04X})"
+    if each.described_at is not None:
+        yield f"{_text(name)}bits and values: see [{wording.address_text(each.described_at)}](#o{each.described_at:04X})"
         yield ""
     for table in each.tables:
         yield f"{_text(name + table.title)}:"
@@ -144,8 +144,8 @@ def _heading(title: str, anchor: str, level: str = "##") -> Iterator[str]:
     yield ""
 
 
-def _table(heads: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
-    titles = tuple(heads)
+def _table(column_titles: Iterable[str], rows: Iterable[Iterable[str]]) -> Iterator[str]:
+    titles = tuple(column_titles)
     yield f"| {' | '.join(titles)} |"
     yield f"|{' --- |' * len(titles)}"
     for row in rows:

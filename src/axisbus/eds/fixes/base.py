@@ -28,7 +28,7 @@ class Fix(NamedTuple):
     changes: tuple[LineEdit, ...]
 
 
-class _Every(Findings):
+class _AllFindings(Findings):
     """Collects all findings by rule, however many; the fixes only use their locations."""
 
     def __init__(self) -> None:
@@ -62,32 +62,32 @@ class FixContext:
         self.document: EdsText = reading.document
 
     @cached_property
-    def _every(self) -> _Every:
-        every = _Every()
-        FileObjects(self.document, self.reading.parts).go_through(every)
-        for numbers in every.lines.values():
+    def _all_findings(self) -> _AllFindings:
+        collected = _AllFindings()
+        FileObjects(self.document, self.reading.parts).go_through(collected)
+        for numbers in collected.lines.values():
             numbers.sort()  # repeated sections are processed last
-        return every
+        return collected
 
     @property
     def found(self) -> Mapping[str, Sequence[EdsFinding]]:
         """All findings of the reading, by rule, without those in ``lines``."""
-        return self._every.found
+        return self._all_findings.found
 
     @property
     def lines(self) -> Mapping[str, Sequence[int]]:
         """By rule (S005, S006), the lines that are neither section, entry nor comment: there may be a million."""
-        return self._every.lines
+        return self._all_findings.lines
 
     @cached_property
-    def again(self) -> Mapping[Section, Section]:
+    def duplicates(self) -> Mapping[Section, Section]:
         """Sections of a sub-index that another section already describes, each with that other section."""
-        return dict(self.reading.parts.again)
+        return dict(self.reading.parts.duplicates)
 
     @cached_property
     def _sections(self) -> tuple[Section, ...]:
-        every = (*self.document.sections.values(), *self.document.repeated)
-        return tuple(sorted(every, key=lambda section: section.line))
+        collected = (*self.document.sections.values(), *self.document.repeated)
+        return tuple(sorted(collected, key=lambda section: section.line))
 
     @cached_property
     def _starts(self) -> tuple[int, ...]:
@@ -106,20 +106,20 @@ class FixContext:
         return DataType(0) if entry is None else entry.data_type
 
 
-Mend = Callable[[FixContext], Iterable[Fix]]
+FixFunction = Callable[[FixContext], Iterable[Fix]]
 _Single = Callable[[FixContext, EdsFinding], Fix | None]
 
 
-def each(rule: str, single: _Single) -> Mend:
+def each(rule: str, single: _Single) -> FixFunction:
     """Return a fix that examines each finding of a rule separately."""
 
-    def mend(bench: FixContext) -> Iterator[Fix]:
-        for finding in bench.found.get(rule, ()):
-            mended = single(bench, finding)
-            if mended is not None:
-                yield mended
+    def fix_function(context: FixContext) -> Iterator[Fix]:
+        for finding in context.found.get(rule, ()):
+            one_fix = single(context, finding)
+            if one_fix is not None:
+                yield one_fix
 
-    return mend
+    return fix_function
 
 
 def short(text: str) -> str:

@@ -7,7 +7,7 @@ import unicodedata
 from collections.abc import Iterator, Mapping
 from functools import cache
 
-from axisbus.eds.fixes.base import Fix, FixContext, Mend, each, short
+from axisbus.eds.fixes.base import Fix, FixContext, FixFunction, each, short
 from axisbus.eds.io import edit, text
 from axisbus.eds.io.edit import LineEdit
 from axisbus.eds.io.text import EdsText, Section, entry_of
@@ -18,50 +18,50 @@ _TRAILING = re.compile(r"\s*;|(?:^|\s+)#")
 _FOREIGN_COMMENT = ("#", "//")
 
 
-def _comments(rule: str) -> Mend:
+def _comments(rule: str) -> FixFunction:
     """Fix S005 and S006: comments in the syntax of another format."""
 
-    def mend(bench: FixContext) -> Iterator[Fix]:
-        for number in bench.lines.get(rule, ()):
-            raw = bench.document.lines[number - 1].removesuffix("\r")
+    def fix_function(context: FixContext) -> Iterator[Fix]:
+        for number in context.lines.get(rule, ()):
+            raw = context.document.lines[number - 1].removesuffix("\r")
             if raw.lstrip().startswith(_FOREIGN_COMMENT):
                 change = LineEdit(number, 1, (f";{raw.lstrip()}",))
                 yield Fix(rule, number, f"{short(raw.strip())} made a comment", (change,))
 
-    return mend
+    return fix_function
 
 
-def _indented(bench: FixContext, finding: EdsFinding) -> Fix:
+def _indented(context: FixContext, finding: EdsFinding) -> Fix:
     """Fix S009."""
-    raw = bench.document.lines[finding.line - 1].removesuffix("\r")
+    raw = context.document.lines[finding.line - 1].removesuffix("\r")
     change = LineEdit(finding.line, 1, (raw.lstrip(),))
     return Fix("S009", finding.line, f"{short(raw.strip())} moved to column 1", (change,))
 
 
-def _unclosed(bench: FixContext, finding: EdsFinding) -> Fix | None:
+def _unclosed(context: FixContext, finding: EdsFinding) -> Fix | None:
     """Fix S010."""
-    section = bench.section_at(finding.line)
+    section = context.section_at(finding.line)
     if not section.name or "[" in section.name:
         return None
-    change = edit.rename_section(bench.document, section, section.name)
+    change = edit.rename_section(context.document, section, section.name)
     return Fix("S010", finding.line, f"[{short(section.name)} closed", (change,))
 
 
-def _behind(bench: FixContext, finding: EdsFinding) -> Fix | None:
+def _trailing(context: FixContext, finding: EdsFinding) -> Fix | None:
     """Fix S011: move the text after a value or a name to a comment in the next line."""
-    raw = bench.document.lines[finding.line - 1].removesuffix("\r")
-    section = bench.section_at(finding.line)
-    kept, behind = _header(raw) if finding.line == section.line else _value(raw)
-    if not behind:
+    raw = context.document.lines[finding.line - 1].removesuffix("\r")
+    section = context.section_at(finding.line)
+    content, trailing = _header(raw) if finding.line == section.line else _value(raw)
+    if not trailing:
         return None
-    comment = behind if behind[0] == ";" else f"; {behind}"
-    change = LineEdit(finding.line, 1, (kept, comment))
-    return Fix("S011", finding.line, f"{short(behind)} moved to a separate line", (change,))
+    comment = trailing if trailing[0] == ";" else f"; {trailing}"
+    change = LineEdit(finding.line, 1, (content, comment))
+    return Fix("S011", finding.line, f"{short(trailing)} moved to a separate line", (change,))
 
 
 def _header(raw: str) -> tuple[str, str]:
-    name, _, behind = raw.partition("]")
-    return f"{name}]", behind.strip()
+    name, _, trailing = raw.partition("]")
+    return f"{name}]", trailing.strip()
 
 
 def _value(raw: str) -> tuple[str, str]:
@@ -75,55 +75,55 @@ def _value(raw: str) -> tuple[str, str]:
     return f"{key}={rest[:end]}", rest[end:].strip()
 
 
-def _same_section(bench: FixContext, finding: EdsFinding) -> Fix | None:
+def _same_section(context: FixContext, finding: EdsFinding) -> Fix | None:
     """Fix S003: remove the second of two equal sections."""
-    second = bench.section_at(finding.line)
-    first = bench.document.sections[second.name.lower()]
+    second = context.section_at(finding.line)
+    first = context.document.sections[second.name.lower()]
     if first is second:
-        first = bench.again.get(second, second)
+        first = context.duplicates.get(second, second)
     if first is second or first.entries != second.entries:
         return None
-    if not (_plain(bench, first) and _plain(bench, second)):
+    if not (_plain(context, first) and _plain(context, second)):
         return None
     return Fix(
         "S003",
         finding.line,
         f"[{second.name}] removed, it repeats line {first.line}",
-        tuple(_without_comments(bench, second)),
+        tuple(_without_comments(context, second)),
     )
 
 
-def _plain(bench: FixContext, section: Section) -> bool:
+def _plain(context: FixContext, section: Section) -> bool:
     """Whether a section has no duplicate key and no unknown line."""
-    lines = [line for raw in bench.document.lines[section.line : section.end - 1] if (line := raw.strip())]
+    lines = [line for raw in context.document.lines[section.line : section.end - 1] if (line := raw.strip())]
     return sum(line[0] != ";" for line in lines) == len(section.entries)
 
 
-def _without_comments(bench: FixContext, section: Section) -> Iterator[LineEdit]:
-    lines = bench.document.lines
+def _without_comments(context: FixContext, section: Section) -> Iterator[LineEdit]:
+    lines = context.document.lines
     ended = len(lines) if lines[-1] == "" else 0  # after the last line end there is no line
     for number in range(section.line, section.end):
         if lines[number - 1].lstrip()[:1] != ";" and number != ended:
             yield LineEdit(number, 1)
 
 
-def _same_key(bench: FixContext, finding: EdsFinding) -> Fix | None:
+def _same_key(context: FixContext, finding: EdsFinding) -> Fix | None:
     """Fix S004: remove the second of two equal entries."""
-    key, given = text.entry_of(bench.document.lines[finding.line - 1])
-    if bench.section_at(finding.line).entries.get(key) != given:
+    key, given = text.entry_of(context.document.lines[finding.line - 1])
+    if context.section_at(finding.line).entries.get(key) != given:
         return None
     what = f"{short(key)} removed, it is there already with the same value"
     return Fix("S004", finding.line, what, (LineEdit(finding.line, 1),))
 
 
-MENDS: Mapping[str, Mend] = {
+FIXES: Mapping[str, FixFunction] = {
     "S003": each("S003", _same_section),
     "S004": each("S004", _same_key),
     "S005": _comments("S005"),
     "S006": _comments("S006"),
     "S009": each("S009", _indented),
     "S010": each("S010", _unclosed),
-    "S011": each("S011", _behind),
+    "S011": each("S011", _trailing),
 }
 
 
@@ -134,15 +134,15 @@ def plain_encoding(document: EdsText) -> EdsText | None:
     """Fix S002: return the document without byte order mark, in ASCII if possible, else in UTF-8; None if nothing changes."""
     if not document.bom and not document.encoding.startswith("utf-16"):
         return None
-    whole = document.newline.join(document.lines)
-    encoding = "ascii" if whole.isascii() else "utf-8"
+    all_text = document.newline.join(document.lines)
+    encoding = "ascii" if all_text.isascii() else "utf-8"
     try:
-        again = text.decode(whole.encode(encoding))
+        decoded = text.decode(all_text.encode(encoding))
     except UnicodeEncodeError:
         return None  # half a surrogate pair of UTF-16
-    if again.text != whole:
+    if decoded.text != all_text:
         return None
-    return text.document(document.lines, document.newline, again.encoding, again.bom)
+    return text.document(document.lines, document.newline, decoded.encoding, decoded.bom)
 
 
 def line_ends(document: EdsText) -> EdsText | None:
@@ -152,7 +152,7 @@ def line_ends(document: EdsText) -> EdsText | None:
     return text.document(document.lines, "\n", document.encoding, document.bom)
 
 
-WHOLE = {
+WHOLE_FILE = {
     "S002": (plain_encoding, "written without byte order mark, one byte for each ASCII letter"),
     "S014": (line_ends, "lines end in LF"),
 }
@@ -199,17 +199,17 @@ def plain(text: str) -> str | None:
     known = unicodedata.normalize("NFC", text).translate(_TABLE)
     if known.isascii():
         return known
-    letters = [_bare(letter) for letter in known]
+    letters = [_without_accent(letter) for letter in known]
     return None if None in letters else "".join(letter for letter in letters if letter is not None)
 
 
-def _bare(letter: str) -> str | None:
+def _without_accent(letter: str) -> str | None:
     """Return the ASCII spelling of a character; None if there is none."""
     if letter.isascii():
         return letter
-    apart = unicodedata.normalize("NFD", letter)
-    known = apart[0].isascii() and all(unicodedata.combining(accent) for accent in apart[1:])
-    return apart[0] if known else None
+    decomposed = unicodedata.normalize("NFD", letter)
+    known = decomposed[0].isascii() and all(unicodedata.combining(accent) for accent in decomposed[1:])
+    return decomposed[0] if known else None
 
 
 def is_certain(document: EdsText) -> bool:
@@ -220,11 +220,11 @@ def is_certain(document: EdsText) -> bool:
     """
     if document.encoding not in _ALSO:
         return True  # UTF-8 or UTF-16
-    whole = "\n".join(document.lines)
+    all_text = "\n".join(document.lines)
     return (
-        {letter for letter in whole if not letter.isascii()} <= _shared(document.encoding)
-        and all(_is_western(word[0]) for word in _WORD.finditer(whole))
-        and _SYMBOLS.search(whole) is None
+        {letter for letter in all_text if not letter.isascii()} <= _shared(document.encoding)
+        and all(_is_western(word[0]) for word in _WORD.finditer(all_text))
+        and _SYMBOLS.search(all_text) is None
     )
 
 
@@ -247,19 +247,19 @@ def _is_western(word: str) -> bool:
     return sum(not letter.isascii() and letter != "µ" for letter in word) * 2 <= len(word)
 
 
-def _letters(bench: FixContext) -> Iterator[Fix]:
+def _letters(context: FixContext) -> Iterator[Fix]:
     """Fix S001 in names and comments, in one fix as for the check; do nothing if the code page is uncertain."""
-    if not is_certain(bench.document):
+    if not is_certain(context.document):
         return
-    changes = tuple(_changes(bench))
+    changes = tuple(_changes(context))
     if changes:
-        first = bench.document.lines[changes[0].line - 1].strip()
+        first = context.document.lines[changes[0].line - 1].strip()
         more = f", and {counted(len(changes) - 1, 'more line')}" if len(changes) > 1 else ""
         yield Fix("S001", changes[0].line, f"{short(first)} in ASCII{more}", changes)
 
 
-def _changes(bench: FixContext) -> Iterator[LineEdit]:
-    for number, line in enumerate(bench.document.lines, 1):
+def _changes(context: FixContext) -> Iterator[LineEdit]:
+    for number, line in enumerate(context.document.lines, 1):
         if line.isascii():
             continue
         raw = line.removesuffix("\r")
@@ -273,4 +273,4 @@ def _is_for_people(raw: str) -> bool:
     return raw.lstrip()[:1] == ";" or _NAMES.fullmatch(key) is not None
 
 
-NON_ASCII_MENDS: Mapping[str, Mend] = {"S001": _letters}
+NON_ASCII_FIXES: Mapping[str, FixFunction] = {"S001": _letters}

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Mapping
 
 from axisbus.cia301.datatypes import DataType
-from axisbus.eds.fixes.base import Fix, FixContext, Mend, each, short
+from axisbus.eds.fixes.base import Fix, FixContext, FixFunction, each, short
 from axisbus.eds.io import edit, text, values
 from axisbus.eds.io.new_file import written
 from axisbus.eds.model import DUMMIES, EdsFinding, Number
@@ -41,7 +41,7 @@ def _unquoted(given: str, _: DataType) -> str:
     return given[1:-1]
 
 
-def _bare_octets(given: str, _: DataType) -> str:
+def _plain_octets(given: str, _: DataType) -> str:
     return given[2:] if given[:2].lower() == "0x" else ""
 
 
@@ -62,26 +62,26 @@ _NEW_TEXTS: Mapping[str, _NewText] = {
     "V011": _decimal,
     "V013": _unquoted,
     "V015": _decimal,
-    "V017": _bare_octets,
+    "V017": _plain_octets,
     "V020": _formula,
     "V021": _decimal,
 }
 
 
-def _mend(rule: str, bench: FixContext, finding: EdsFinding) -> Fix | None:
+def _fixed_value(rule: str, context: FixContext, finding: EdsFinding) -> Fix | None:
     """Rewrite one value; a value that would be read differently afterwards is not changed."""
-    section = bench.section_at(finding.line)
-    key, given = text.entry_of(bench.document.lines[finding.line - 1])
-    data_type = bench.type_at(finding)
+    section = context.section_at(finding.line)
+    key, given = text.entry_of(context.document.lines[finding.line - 1])
+    data_type = context.type_at(finding)
     new = _NEW_TEXTS[rule](given, data_type)
     if (
         not new
         or new != new.strip()
-        or section.places.get(key) != finding.line
+        or section.line_numbers.get(key) != finding.line
         or not _same(rule, given, new, data_type)
     ):
         return None
-    change = edit.set_value(bench.document, section, key, new)
+    change = edit.set_value(context.document, section, key, new)
     return Fix(rule, finding.line, f"[{section.name}] {short(given)} -> {short(new)}", (change,))
 
 
@@ -104,11 +104,11 @@ _READ_BY_TYPE = frozenset(
 )
 
 
-def _of(rule: str) -> Mend:
-    return each(rule, lambda bench, finding: _mend(rule, bench, finding))
+def _of(rule: str) -> FixFunction:
+    return each(rule, lambda context, finding: _fixed_value(rule, context, finding))
 
 
-MENDS: Mapping[str, Mend] = {rule: _of(rule) for rule in _NEW_TEXTS}
+FIXES: Mapping[str, FixFunction] = {rule: _of(rule) for rule in _NEW_TEXTS}
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -118,33 +118,33 @@ MENDS: Mapping[str, Mend] = {rule: _of(rule) for rule in _NEW_TEXTS}
 _SHORT = re.compile(r"dummy([0-9a-f]{1,3})")
 
 
-def _short_keys(bench: FixContext) -> Iterator[Fix]:
+def _short_keys(context: FixContext) -> Iterator[Fix]:
     """Fix D016, if the complete key does not exist in another spelling."""
-    section = bench.document.sections.get("dummyusage")
+    section = context.document.sections.get("dummyusage")
     if section is None:
         return
     taken = set(section.entries)
-    for key, line in section.places.items():
+    for key, line in section.line_numbers.items():
         found = _SHORT.fullmatch(key)
         if found is None or (name := f"Dummy{int(found[1], 16):04X}").lower() in taken:
             continue
         taken.add(name.lower())
-        change = edit.rename_key(bench.document, line, name)
+        change = edit.rename_key(context.document, line, name)
         yield Fix("D016", line, f"[{section.name}] {key.capitalize()} -> {name}", (change,))
 
 
-def _left_out(bench: FixContext) -> Iterator[Fix]:
+def _left_out(context: FixContext) -> Iterator[Fix]:
     """Fix D019: a missing entry means 0."""
-    section = bench.document.sections.get("dummyusage")
+    section = context.document.sections.get("dummyusage")
     if section is None or any(values.plain(text) is None for text in section.entries.values()):
         return  # D016: an unknown entry
     absent = {
         name: "0" for number in DUMMIES if (name := f"Dummy{number:04X}").lower() not in section.entries
     }
     if absent:
-        changes = tuple(edit.set_values(bench.document, section, absent))
+        changes = tuple(edit.set_values(context.document, section, absent))
         yield Fix("D019", section.line, f"[{section.name}] {', '.join(absent)} added as 0", changes)
 
 
-NAMES: Mapping[str, Mend] = {"D016": _short_keys}
-DUMMY_USAGE_MENDS: Mapping[str, Mend] = {"D019": _left_out}
+NAMES: Mapping[str, FixFunction] = {"D016": _short_keys}
+DUMMY_USAGE_FIXES: Mapping[str, FixFunction] = {"D019": _left_out}

@@ -35,7 +35,7 @@ _SPELLED = {
     )
 }
 _MODELLED = frozenset(_SPELLED) | {"parametername", "denotation", "subnumber", "compactsubobj"}
-_Made = TypeVar("_Made", Object, Variable)
+_Built = TypeVar("_Built", Object, Variable)
 _NOTHING: Mapping[str, str] = {}
 _NO_SECTIONS: Mapping[int, Section] = {}
 _BOTH_ZERO = "V018"
@@ -51,9 +51,9 @@ class EdsObjectBuilder:
         self._findings = findings
         # The result for the first section of each text (without its name), by that text: other sections with the same text reuse
         # it. There are three, because a text has another meaning alone, above sub-indices and in a sub-index.
-        self._alone: dict[str | None, Variable] = {}
+        self._var_templates: dict[str | None, Variable] = {}
         self._records: dict[str | None, Object] = {}
-        self._within: dict[str | None, Variable] = {}
+        self._sub_templates: dict[str | None, Variable] = {}
 
     def object(self, index: int) -> Object:
         """Return the object at ``index``; it is a RECORD if only its sub-indices are described."""
@@ -63,13 +63,13 @@ class EdsObjectBuilder:
             return self._without_head(index, sub_sections or _NO_SECTIONS)
         if sub_sections is None:
             return self._without_subs(head, index)
-        name, _, rest = head.apart()
-        like = self._records.get(rest)
+        name, _, other_text = head.split_entries()
+        like = self._records.get(other_text)
         if like is None:
-            made = self._object(head, index, sub_sections)
-            if made.object_type in _WITH_SUBS and "compactsubobj" not in head.entries:
-                self._keep(self._records, rest, made)
-            return made
+            built = self._object(head, index, sub_sections)
+            if built.object_type in _WITH_SUBS and "compactsubobj" not in head.entries:
+                self._store_template(self._records, other_text, built)
+            return built
         subs, links = self._subs(sub_sections, index), self._links(index)
         return object_of(index, name, like.object_type, subs, head.line, like.denotation, links, like.more)
 
@@ -81,15 +81,15 @@ class EdsObjectBuilder:
         return object_of(index, name, ObjectType.RECORD, subs, first.line, "", self._links(index), _NOTHING)
 
     def _without_subs(self, head: Section, index: int) -> Object:
-        name, text, rest = head.apart()
-        like = self._alone.get(rest)
+        name, text, other_text = head.split_entries()
+        like = self._var_templates.get(other_text)
         if like is not None:
             default = values.parse(text, like.data_type).value if text else None
             return self._holding(variable_like(like, index, 0, name, default, head.line))
-        made = self._object(head, index, _NO_SECTIONS)
-        if made.object_type not in _WITH_SUBS and not _limits_hang_on_default(head.entries, made.subs[0]):
-            self._keep(self._alone, rest, made.subs[0])
-        return made
+        built = self._object(head, index, _NO_SECTIONS)
+        if built.object_type not in _WITH_SUBS and not _limits_hang_on_default(head.entries, built.subs[0]):
+            self._store_template(self._var_templates, other_text, built.subs[0])
+        return built
 
     def _object(self, head: Section, index: int, sub_sections: Mapping[int, Section]) -> Object:
         """Return the object of a section, with its entries parsed."""
@@ -112,26 +112,30 @@ class EdsObjectBuilder:
         return object_of(index, name, only.object_type, subs, line, only.denotation, links, only.more)
 
     def _sub(self, section: Section, index: int, subindex: int) -> Variable:
-        name, text, rest = section.apart()
-        like = self._within.get(rest)
+        name, text, other_text = section.split_entries()
+        like = self._sub_templates.get(other_text)
         if like is not None:
             default = values.parse(text, like.data_type).value if text else None
             return variable_like(like, index, subindex, name, default, section.line)
         kind = self._sub_type(section, index, subindex)
-        made = self.variable(section, index, subindex, self._name(section, index, subindex), kind)
-        if not _limits_hang_on_default(section.entries, made):
-            self._keep(self._within, rest, made)
-        return made
+        built = self.variable(section, index, subindex, self._name(section, index, subindex), kind)
+        if not _limits_hang_on_default(section.entries, built):
+            self._store_template(self._sub_templates, other_text, built)
+        return built
 
-    def _keep(self, made: dict[str | None, _Made], rest: str | None, entry: _Made) -> None:
+    def _store_template(
+        self, templates: dict[str | None, _Built], other_text: str | None, entry: _Built
+    ) -> None:
         """Store the result of a section for others with the same text, unless findings are wanted: then each section is parsed."""
-        if rest is not None and self._findings is None and _DEFAULT not in rest.lower():
-            made[rest] = entry
+        if other_text is not None and self._findings is None and _DEFAULT not in other_text.lower():
+            templates[other_text] = entry
 
     def _links(self, index: int) -> tuple[int, ...]:
         """Return the indices of ``[xxxxObjectLinks]`` (DS 306 4.6.4)."""
-        beside = self._parts.beside
-        listed = beside.get((index, "objectlinks")) if beside else None  # few files have such a section
+        list_sections = self._parts.list_sections
+        listed = (
+            list_sections.get((index, "objectlinks")) if list_sections else None
+        )  # few files have such a section
         if listed is None:
             return ()
         texts = [text for key, text in listed.entries.items() if key.isdecimal()]
@@ -141,13 +145,13 @@ class EdsObjectBuilder:
         self, sub_sections: Mapping[int, Section], index: int, compacted: compact.SubIndices | None = None
     ) -> Mapping[int, Variable]:
         subs = {subindex: self._sub(section, index, subindex) for subindex, section in sub_sections.items()}
-        beside = self._parts.beside
-        for kind_of_list in ("value", "denotation") if beside else ():
-            listed = beside.get((index, kind_of_list))
+        list_sections = self._parts.list_sections
+        for kind_of_list in ("value", "denotation") if list_sections else ():
+            listed = list_sections.get((index, kind_of_list))
             if listed is not None:
                 self._apply(subs, compacted or {}, listed, kind_of_list, index)
         if compacted is not None:
-            return compacted.with_own(subs)
+            return compacted.with_explicit(subs)
         order = sorted(subs)
         return subs if order == list(subs) else {subindex: subs[subindex] for subindex in order}
 
@@ -164,7 +168,7 @@ class EdsObjectBuilder:
         if count == 0:
             return None
         template = self.variable(head, index, 1, name, ObjectType.VAR)
-        names = self._parts.beside.get((index, "name"))
+        names = self._parts.list_sections.get((index, "name"))
         return compact.SubIndices(template, count, _NOTHING if names is None else names.entries)
 
     def _apply(
@@ -342,13 +346,13 @@ class EdsObjectBuilder:
     ) -> None:
         if self._findings is None:
             return
-        line, column = self._document.place(section, key) if key else (section.line, 1)
+        line, column = self._document.location(section, key) if key else (section.line, 1)
         self._findings.add(rule, message, line=line, column=column, index=index, subindex=subindex)
 
 
-def _limits_hang_on_default(entries: Mapping[str, str], made: Variable) -> bool:
+def _limits_hang_on_default(entries: Mapping[str, str], built: Variable) -> bool:
     """Whether the limits may change with another default: only two equal limits may; see ``EdsObjectBuilder._only_zero``."""
-    return bool(entries.get("lowlimit") and entries.get("highlimit")) and made.low == made.high
+    return bool(entries.get("lowlimit") and entries.get("highlimit")) and built.low == built.high
 
 
 def _is_zero(text: str | None, data_type: DataType) -> bool:

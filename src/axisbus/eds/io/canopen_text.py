@@ -47,10 +47,10 @@ def canopen_text(eds: Eds) -> str:
     That function derives the format from the stream's name, so its stream must have one, such as an ``io.StringIO`` with
     ``stream.name = "axis.eds"``.
     """
-    made = eds._texts.get("canopen")
-    if made is None:
-        made = eds._texts["canopen"] = "\n".join(_lines(eds)) + "\n"
-    return made
+    text = eds._texts.get("canopen")
+    if text is None:
+        text = eds._texts["canopen"] = "\n".join(_lines(eds)) + "\n"
+    return text
 
 
 def _lines(eds: Eds) -> Iterator[str]:

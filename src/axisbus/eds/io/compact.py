@@ -32,30 +32,30 @@ _EVENT_DRIVEN = 255
 
 
 class SubIndices(Mapping[int, Variable]):
-    """Sub-index 0 and ``count`` copies of ``template``, named by ``names`` (decimal sub-index) or by number; plus those in ``own``.
+    """Sub-index 0 and ``count`` copies of ``template``, by ``names`` (decimal sub-index) or by number; and those in ``explicit``.
 
     An entry is made on each access, and not stored: a small file may describe millions, and only few are needed.
     """
 
-    __slots__ = ("_count", "_names", "_own", "_subindices", "_template")
+    __slots__ = ("_count", "_explicit", "_names", "_subindices", "_template")
 
     def __init__(
         self,
         template: Variable,
         count: int,
         names: Mapping[str, str],
-        own: Mapping[int, Variable] = MappingProxyType({}),
+        explicit: Mapping[int, Variable] = MappingProxyType({}),
     ) -> None:
         self._template = template
         self._count = count
         self._names = names
-        self._own = own
+        self._explicit = explicit
         self._subindices: Sequence[int] = range(count + 1)
-        if not all(subindex in self._subindices for subindex in own):
-            self._subindices = sorted({*self._subindices, *own})
+        if not all(subindex in self._subindices for subindex in explicit):
+            self._subindices = sorted({*self._subindices, *explicit})
 
     def __getitem__(self, subindex: int) -> Variable:
-        found = self._own.get(subindex)
+        found = self._explicit.get(subindex)
         if found is None:
             if subindex not in range(self._count + 1):
                 raise KeyError(subindex)
@@ -85,23 +85,23 @@ class SubIndices(Mapping[int, Variable]):
     def __repr__(self) -> str:
         return repr(dict(self))
 
-    def with_own(self, own: Mapping[int, Variable]) -> SubIndices:
+    def with_explicit(self, explicit: Mapping[int, Variable]) -> SubIndices:
         """Return the same with these entries instead of, or in addition to, those that are made."""
-        return SubIndices(self._template, self._count, self._names, own)
+        return SubIndices(self._template, self._count, self._names, explicit)
 
-    def alike(self) -> Iterator[tuple[Variable, int]]:
+    def grouped(self) -> Iterator[tuple[Variable, int]]:
         """Yield each entry with the number of entries, including itself, that differ from it only in name and sub-index."""
-        if 0 not in self._own:
+        if 0 not in self._explicit:
             yield self[0], 1
-        copies = [subindex for subindex in range(1, self._count + 1) if subindex not in self._own]
+        copies = [subindex for subindex in range(1, self._count + 1) if subindex not in self._explicit]
         if copies:
             yield self[copies[0]], len(copies)
-        yield from ((entry, 1) for entry in self._own.values())
+        yield from ((entry, 1) for entry in self._explicit.values())
 
 
-def alike(subs: Mapping[int, Variable]) -> Iterator[tuple[Variable, int]]:
+def grouped(subs: Mapping[int, Variable]) -> Iterator[tuple[Variable, int]]:
     """Yield the entries of an object, each with the number of equal ones; the copies of CompactSubObj are one entry."""
-    return subs.alike() if isinstance(subs, SubIndices) else ((entry, 1) for entry in subs.values())
+    return subs.grouped() if isinstance(subs, SubIndices) else ((entry, 1) for entry in subs.values())
 
 
 def valued(entry: Variable, value: Default) -> Variable:

@@ -45,23 +45,23 @@ def apply(document: EdsText, changes: Iterable[LineEdit]) -> EdsText:
         ArgumentError: two changes touch the same line, or a character of a new line does not exist in the file's encoding.
     """
     lines, ended = _ended_lines(document)
-    made: list[str] = []
-    done = 0  # lines that are processed
+    edited: list[str] = []
+    copied = 0  # lines that are processed
     for change in sorted(changes, key=lambda change: (change.line, change.count > 0)):
-        if change.line <= done:
-            raise ArgumentError(f"two changes touch line {done}", remedy="make one after the other")
-        made += lines[done : change.line - 1]
+        if change.line <= copied:
+            raise ArgumentError(f"two changes touch line {copied}", remedy="make one after the other")
+        edited += lines[copied : change.line - 1]
         for raw in change.lines:
             _check_encoding(raw, document.encoding)
-            made.append(raw + _carriage(lines, change.line if change.count else change.line - 1))
-        done = change.line - 1 + change.count
-    made += lines[done:]
+            edited.append(raw + _carriage(lines, change.line if change.count else change.line - 1))
+        copied = change.line - 1 + change.count
+    edited += lines[copied:]
     if ended:
-        made.append("")
-    elif made:
-        made[-1] = made[-1].removesuffix("\r")
+        edited.append("")
+    elif edited:
+        edited[-1] = edited[-1].removesuffix("\r")
     newline = "\n" if len(document.lines) == 1 else document.newline
-    return text.document(made, newline, document.encoding, document.bom)
+    return text.document(edited, newline, document.encoding, document.bom)
 
 
 def _ended_lines(document: EdsText) -> tuple[list[str], bool]:
@@ -98,13 +98,13 @@ def set_value(document: EdsText, section: Section, key: str, value: str) -> Line
     Raises:
         ArgumentError: the key or value is not allowed in an EDS: line breaks, control characters, spaces at the ends.
     """
-    number = section.places.get(key.lower())
+    number = section.line_numbers.get(key.lower())
     if number is None:
         return insert_key(document, section, key, value)
     _check_text("the value of " + key, value)
-    head, _, rest = document.lines[number - 1].removesuffix("\r").partition("=")
-    before = rest[: len(rest) - len(rest.lstrip())]
-    after = rest[len(rest.rstrip()) :] if rest.strip() else ""
+    head, _, text_after = document.lines[number - 1].removesuffix("\r").partition("=")
+    before = text_after[: len(text_after) - len(text_after.lstrip())]
+    after = text_after[len(text_after.rstrip()) :] if text_after.strip() else ""
     return LineEdit(number, 1, (f"{head}={before}{value}{after}",))
 
 
@@ -127,11 +127,13 @@ def set_values(document: EdsText, section: Section, values: Mapping[str, str]) -
     Raises:
         ArgumentError: a key or value is not allowed in an EDS.
     """
-    places = section.places
+    line_numbers = section.line_numbers
     changes = [
-        set_value(document, section, key, value) for key, value in values.items() if key.lower() in places
+        set_value(document, section, key, value)
+        for key, value in values.items()
+        if key.lower() in line_numbers
     ]
-    added = {key: value for key, value in values.items() if key.lower() not in places}
+    added = {key: value for key, value in values.items() if key.lower() not in line_numbers}
     for key, value in added.items():
         check_key(key, value)
     if added:
@@ -148,10 +150,10 @@ def rename_key(document: EdsText, line: int, key: str) -> LineEdit:
         ArgumentError: the key is not allowed in an EDS.
     """
     check_key(key, "")
-    head, _, rest = document.lines[line - 1].removesuffix("\r").partition("=")
+    head, _, text_after = document.lines[line - 1].removesuffix("\r").partition("=")
     old = head.strip()
     start = head.index(old)
-    return LineEdit(line, 1, (f"{head[:start]}{key}{head[start + len(old) :]}={rest}",))
+    return LineEdit(line, 1, (f"{head[:start]}{key}{head[start + len(old) :]}={text_after}",))
 
 
 def remove_keys(document: EdsText, section: Section, keys: Iterable[str]) -> Iterator[LineEdit]:
@@ -208,8 +210,8 @@ def rename_section(document: EdsText, section: Section, name: str) -> LineEdit:
         ArgumentError: the name is not allowed in an EDS.
     """
     check_name(name)
-    _, bracket, rest = document.lines[section.line - 1].removesuffix("\r").partition("]")
-    return LineEdit(section.line, 1, (f"[{name}]{rest if bracket else ''}",))
+    _, bracket, text_after = document.lines[section.line - 1].removesuffix("\r").partition("]")
+    return LineEdit(section.line, 1, (f"[{name}]{text_after if bracket else ''}",))
 
 
 def entries(document: EdsText, section: Section) -> Iterator[tuple[int, str]]:
@@ -228,20 +230,20 @@ def _last_entry(document: EdsText, section: Section) -> int:
 def _style(document: EdsText, section: Section | None) -> _Style:
     """Return the notation of the section's entries, else of the first entries in the file."""
     for model in (section, *document.sections.values()):
-        places = model.places if model is not None else {}
-        if places:
-            return _style_of([document.lines[number - 1] for number in places.values()])
+        line_numbers = model.line_numbers if model is not None else {}
+        if line_numbers:
+            return _style_of([document.lines[number - 1] for number in line_numbers.values()])
     return _Style()
 
 
 def _style_of(lines: list[str]) -> _Style:
-    head, _, rest = lines[-1].removesuffix("\r").partition("=")
+    head, _, text_after = lines[-1].removesuffix("\r").partition("=")
     indent = head[: len(head) - len(head.lstrip())]
     keys = "".join(line.partition("=")[0] for line in lines)
     return _Style(
         indent,
         " " if head.strip() != head.lstrip() else "",
-        " " if rest != rest.lstrip() else "",
+        " " if text_after != text_after.lstrip() else "",
         keys.islower(),
     )
 

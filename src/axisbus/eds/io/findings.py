@@ -12,10 +12,10 @@ MAX_FINDINGS = 10_000  # a file of random data must not fill the memory with mes
 
 
 class Findings:
-    """Collects findings while one file is read; its only state is the list, which is limited to ``most`` findings."""
+    """Collects findings while one file is read; its only state is the list, which is limited to ``max_count`` findings."""
 
-    def __init__(self, most: int = MAX_FINDINGS) -> None:
-        self._most = most
+    def __init__(self, max_count: int = MAX_FINDINGS) -> None:
+        self._max_count = max_count
         self._found: list[EdsFinding] = []
         self._left_out = 0
 
@@ -30,21 +30,21 @@ class Findings:
         subindex: int | None = None,
     ) -> None:
         """Add one finding of ``rule`` (an id of the table) at ``line`` (from 1; 0: the whole file)."""
-        if len(self._found) >= self._most:
+        if len(self._found) >= self._max_count:
             self._left_out += 1
             return
         broken = rules()[rule]
-        place = column if line else 0
+        shown_column = column if line else 0
         self._found.append(
-            EdsFinding(rule, broken.severity, line, place, message, broken.remedy, index, subindex)
+            EdsFinding(rule, broken.severity, line, shown_column, message, broken.remedy, index, subindex)
         )
 
     def add_lines(self, rule: str, numbers: Sequence[int], message: Callable[[int], str]) -> None:
         """Add a finding of ``rule`` at each of these lines; ``message`` is called only for stored findings."""
-        kept = numbers[: self._most - len(self._found)]
-        for number in kept:
+        reported = numbers[: self._max_count - len(self._found)]
+        for number in reported:
             self.add(rule, message(number), line=number)
-        self._left_out += len(numbers) - len(kept)
+        self._left_out += len(numbers) - len(reported)
 
     def all(self) -> tuple[EdsFinding, ...]:
         """Return the findings, in the order of the lines."""

@@ -26,15 +26,15 @@ class FileObjects(Mapping[int, Object]):
         self._implied = _implied(parts.info, described)
         self._indices = dict.fromkeys(sorted(described | self._implied.keys()))
         self._builder = EdsObjectBuilder(document, parts)
-        self._made: dict[int, Object] = {}
+        self._objects_made: dict[int, Object] = {}
         self._findings: tuple[EdsFinding, ...] | None = None
 
     def __getitem__(self, index: int) -> Object:
-        found = self._made.get(index)
+        found = self._objects_made.get(index)
         if found is None:
             if index not in self._indices:
                 raise KeyError(index)
-            found = self._made.setdefault(index, self._make(index, self._builder))
+            found = self._objects_made.setdefault(index, self._make(index, self._builder))
         return found
 
     def __contains__(self, index: object) -> bool:
@@ -65,7 +65,7 @@ class FileObjects(Mapping[int, Object]):
         sections.report(document.sections, self.parts, found)
         builder = EdsObjectBuilder(document, self.parts, found)
         for index in self._indices:
-            self._made.setdefault(index, self._make(index, builder))
+            self._objects_made.setdefault(index, self._make(index, builder))
         modules.modules(document, found)
         node_id(document, found)
 
@@ -84,7 +84,7 @@ def node_id(document: EdsText, findings: Findings | None = None) -> int | None:
     if number is not None and 1 <= number <= 127:
         return number
     if findings is not None:
-        line, column = document.place(section, "nodeid")
+        line, column = document.location(section, "nodeid")
         findings.add("K003", f"NodeID={given[:40]} is not a node ID", line=line, column=column)
     return None
 

@@ -35,7 +35,7 @@ _SECTIONS = {
 }
 _FIRST = ("fileinfo", "deviceinfo", "devicecomissioning")
 _LISTS = ("MandatoryObjects", "OptionalObjects", "ManufacturerObjects")
-_MADE_ANEW = re.compile(
+_REGENERATED = re.compile(
     r"dummyusage|devicecommissioning|(?:mandatory|optional|manufacturer)objects"
     r"|[0-9a-f]{4}(?:name|value|denotation|objectlinks)|[0-9a-f]{1,4}(?:sub[0-9a-f]+)?"
 )
@@ -81,7 +81,7 @@ def _information(eds: Eds) -> dict[str, dict[str, str]]:
         given = found.get("devicecomissioning") or eds.info.get("devicecommissioning", {})
         found["devicecomissioning"] = {**given, "nodeid": str(eds.node_id)}
     for name, entries in eds.info.items():
-        if name not in found and not _MADE_ANEW.fullmatch(name):
+        if name not in found and not _REGENERATED.fullmatch(name):
             found[name] = _comments(entries) if name == "comments" else dict(entries)
     return {name: _printed(entries) for name, entries in found.items()}
 

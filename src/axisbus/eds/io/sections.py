@@ -16,7 +16,7 @@ _INDEX = re.compile(r"[0-9a-f]{4}")
 _SUBINDICES = {
     f"{number:x}": number for number in range(MAX_SUBINDEX + 1)
 }  # in the spelling of nearly all files
-_BESIDE = re.compile(r"([0-9a-f]{4})(name|value|denotation|objectlinks)")
+_LIST_SECTION = re.compile(r"([0-9a-f]{4})(name|value|denotation|objectlinks)")
 _KNOWN = re.compile(
     r"fileinfo|deviceinfo|dummyusage|comments|mandatoryobjects|optionalobjects|manufacturerobjects"
     r"|devicecomm?issioning|standarddatatypes|dynamicchannels|tools|tool[0-9]+"
@@ -48,17 +48,17 @@ class Info(Mapping[str, Mapping[str, str]]):
 
 @dataclass(frozen=True, slots=True)
 class SectionIndex:
-    """Sections by index and sub-index; ``beside`` holds ``[xxxxName]`` and similar sections as (index, ``name``).
+    """Sections by index and sub-index; ``list_sections`` holds ``[xxxxName]`` and similar sections as (index, ``name``).
 
-    ``again`` are sections of a sub-index that already has a section in another spelling, each with the first one.
+    ``duplicates`` are sections of a sub-index that already has a section in another spelling, each with the first one.
     """
 
     heads: Mapping[int, Section]
     subs: Mapping[int, Mapping[int, Section]]
-    beside: Mapping[tuple[int, str], Section]
+    list_sections: Mapping[tuple[int, str], Section]
     types: Mapping[int, Section]
     info: Info
-    again: tuple[tuple[Section, Section], ...] = ()
+    duplicates: tuple[tuple[Section, Section], ...] = ()
 
     def described(self) -> Iterator[Section]:
         """Yield the sections of all objects, then those of all sub-indices."""
@@ -81,7 +81,7 @@ def sort(sections: Mapping[str, Section]) -> SectionIndex:
     subs: dict[int, dict[int, Section]] = {}
     types: dict[int, Section] = {}
     other: dict[str, Section] = {}
-    again: list[tuple[Section, Section]] = []
+    duplicates: list[tuple[Section, Section]] = []
     indices = _Indices()
     for name, section in sections.items():
         digits, is_sub, number = name.partition("sub")
@@ -91,19 +91,19 @@ def sort(sections: Mapping[str, Section]) -> SectionIndex:
             continue
         subindex = _SUBINDICES.get(number)
         if subindex is None:
-            subindex = _led_by_zeros(number)
+            subindex = _without_leading_zeros(number)
         if index is None or subindex is None:
             other[name] = section
         else:
             first = subs.setdefault(index, {}).setdefault(subindex, section)
             if first is not section:
-                again.append((section, first))
+                duplicates.append((section, first))
         if number == "1":
             _note_type(digits, section, types)
-    return SectionIndex(heads, subs, _beside(other), types, Info(other), tuple(again))
+    return SectionIndex(heads, subs, _list_sections(other), types, Info(other), tuple(duplicates))
 
 
-def _led_by_zeros(number: str) -> int | None:
+def _without_leading_zeros(number: str) -> int | None:
     return _SUBINDICES.get(number.lstrip("0") or "0") if number else None
 
 
@@ -112,22 +112,22 @@ def _note_type(digits: str, section: Section, types: dict[int, Section]) -> None
         types[int(digits, 16)] = section
 
 
-def _beside(other: Mapping[str, Section]) -> dict[tuple[int, str], Section]:
+def _list_sections(other: Mapping[str, Section]) -> dict[tuple[int, str], Section]:
     """Return the sections of lists beside an object, by its index and the kind of list."""
-    listed = ((_BESIDE.fullmatch(name), section) for name, section in other.items())
+    listed = ((_LIST_SECTION.fullmatch(name), section) for name, section in other.items())
     return {(int(found[1], 16), found[2]): section for found, section in listed if found is not None}
 
 
 def report(sections: Mapping[str, Section], parts: SectionIndex, findings: Findings) -> None:
     """Report the oddities of the sections' names."""
-    again = dict(parts.again)
+    duplicates = dict(parts.duplicates)
     for name, section in sections.items():
         found = _OBJECT.fullmatch(name)
         if found is None:
-            if _BESIDE.fullmatch(name) is None and _KNOWN.fullmatch(name) is None:
+            if _LIST_SECTION.fullmatch(name) is None and _KNOWN.fullmatch(name) is None:
                 findings.add("S012", f"section [{section.name[:60]}] is not of DS 306", line=section.line)
-        elif found[2] or section in again:
-            _report_sub(found, section, again.get(section), findings)
+        elif found[2] or section in duplicates:
+            _report_sub(found, section, duplicates.get(section), findings)
 
 
 def _report_sub(found: re.Match[str], section: Section, first: Section | None, findings: Findings) -> None:

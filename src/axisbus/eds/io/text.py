@@ -64,7 +64,7 @@ class Section:
     Its entries are parsed on first access; they are its only state.
     """
 
-    __slots__ = ("_body", "_entries", "_known", "_places", "end", "line", "name")
+    __slots__ = ("_body", "_entries", "_known", "_line_numbers", "end", "line", "name")
 
     def __init__(self, name: str, line: int, end: int, body: str, known: _Entries) -> None:
         self.name = name
@@ -73,7 +73,7 @@ class Section:
         self._body = body
         self._known = known
         self._entries: dict[str, str] | None = None
-        self._places: dict[str, int] | None = None
+        self._line_numbers: dict[str, int] | None = None
 
     @property
     def entries(self) -> Mapping[str, str]:
@@ -88,7 +88,7 @@ class Section:
             self._entries = entries
         return self._entries
 
-    def apart(self) -> tuple[str, str, str | None]:
+    def split_entries(self) -> tuple[str, str, str | None]:
         """Return ParameterName, DefaultValue ("" for none), and the text of the other lines.
 
         The text is None if the section does not begin with its name, as it does in most files.
@@ -116,14 +116,14 @@ class Section:
                 yield number, key, value
 
     @property
-    def places(self) -> Mapping[str, int]:
+    def line_numbers(self) -> Mapping[str, int]:
         """Line numbers (from 1) by lower-case key; of two equal keys the first one's."""
-        if self._places is None:
-            places: dict[str, int] = {}
+        if self._line_numbers is None:
+            line_numbers: dict[str, int] = {}
             for number, key, _ in self.every():
-                places.setdefault(key, number)
-            self._places = places
-        return self._places
+                line_numbers.setdefault(key, number)
+            self._line_numbers = line_numbers
+        return self._line_numbers
 
     def __repr__(self) -> str:
         return f"<[{self.name}], line {self.line}>"
@@ -149,9 +149,9 @@ class EdsText:
         """All lines, for users that go through a whole file; the model does not need them."""
         return self.text.split(self.newline)
 
-    def place(self, section: Section, key: str) -> tuple[int, int]:
+    def location(self, section: Section, key: str) -> tuple[int, int]:
         """Return line and column (from 1) of the value of ``key``; those of the section if it has no such key."""
-        number = section.places.get(key)
+        number = section.line_numbers.get(key)
         if number is None:
             return section.line, 1
         raw = self.lines[number - 1].removesuffix("\r")

@@ -45,7 +45,7 @@ _REAL = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?",
 _COMMENT = re.compile(r";|(?<!\S)#")  # not inside a word: 16#1F4
 _IEC = re.compile(r"(2|8|10|16)#([0-9A-Fa-f]+(?:_[0-9A-Fa-f]+)*)")
 _TEXT_TYPES = frozenset((DataType.VISIBLE_STRING, DataType.UNICODE_STRING))
-_WORDS = {"true": 1, "false": 0}
+_BOOLEAN_WORDS = {"true": 1, "false": 0}
 _NODE_ID_WORDS = ("$nodeid", "$mynodeid", "nodeid")
 _REAL_FORMATS = {DataType.REAL32: ">f", DataType.REAL64: ">d"}
 
@@ -161,8 +161,8 @@ def _number(text: str) -> Integer:
         whole, fraction = re.split("[.,]", text)
         exact = Number(int(whole)) if not fraction.strip("0") else None
         return Parsed(exact, (ValueProblem("V011", f"{text} has a decimal point, the type is an integer"),))
-    if text.lower() in _WORDS:
-        return Parsed(Number(_WORDS[text.lower()]), (ValueProblem("V015", f"{text} is a word"),))
+    if text.lower() in _BOOLEAN_WORDS:
+        return Parsed(Number(_BOOLEAN_WORDS[text.lower()]), (ValueProblem("V015", f"{text} is a word"),))
     digits = text.lstrip("+-")
     if digits.isascii() and digits.isdigit() and len(text) - len(digits) <= 1:
         octal = not digits.strip("01234567")
@@ -193,10 +193,10 @@ def iec_number(text: str) -> str | None:
 
 
 def _not_understood(text: str) -> Integer:
-    meant = iec_number(text) if len(text) <= MAX_DIGITS else None
-    if meant is not None:
+    suggested = iec_number(text) if len(text) <= MAX_DIGITS else None
+    if suggested is not None:
         return Parsed(
-            None, (ValueProblem("V001", f"{text} is a number of IEC 61131-3, DS 306 has it as {meant}"),)
+            None, (ValueProblem("V001", f"{text} is a number of IEC 61131-3, DS 306 has it as {suggested}"),)
         )
     return Parsed(None, (ValueProblem("V001", f"{_short(text)} is not an integer"),))
 
@@ -215,11 +215,11 @@ def _formula(text: str) -> Integer:
 
 
 def _spelling(text: str, first: str, node_id: str, value: Number) -> tuple[ValueProblem, ...]:
-    meant = f"$NODEID+0x{value.value:X}"
+    suggested = f"$NODEID+0x{value.value:X}"
     if text[0] == "=" or node_id.lower() != "$nodeid":
-        return (ValueProblem("V020", f"{text} is taken for {meant}"),)
+        return (ValueProblem("V020", f"{text} is taken for {suggested}"),)
     if first != "$NODEID":
-        return (ValueProblem("V006", f"{text} is meant as {meant}"),)
+        return (ValueProblem("V006", f"{text} is meant as {suggested}"),)
     return ()
 
 

@@ -53,34 +53,42 @@ def diff(a: Eds, b: Eds, node_id: int | None = None) -> tuple[EdsDifference, ...
 
 
 def _identity(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
-    ours, theirs = a.info.get("deviceinfo", {}), b.info.get("deviceinfo", {})
+    first_values, second_values = a.info.get("deviceinfo", {}), b.info.get("deviceinfo", {})
     for title in _DEVICE:
-        texts = (overview.text(ours.get(title.lower())), overview.text(theirs.get(title.lower())))
+        texts = (
+            overview.text(first_values.get(title.lower())),
+            overview.text(second_values.get(title.lower())),
+        )
         if texts[0] != texts[1]:
             yield EdsDifference(
                 DifferenceGroup.IDENTITY, title, *texts, matters=consequences.DEVICE.get(title, "")
             )
-    yield from _numbers(ours, theirs, {title: consequences.DEVICE.get(title, "") for title in DEVICE_NUMBERS})
+    yield from _numbers(
+        first_values, second_values, {title: consequences.DEVICE.get(title, "") for title in DEVICE_NUMBERS}
+    )
     yield from _commissioning(a, b)
     yield from _modes(a, b, node_id)
 
 
 def _commissioning(a: Eds, b: Eds) -> Iterator[EdsDifference]:
     """Yield the differences of two DCFs in the settings of their node; nothing if one file is an EDS."""
-    ours, theirs = (
+    first_values, second_values = (
         eds.info.get("devicecomissioning") or eds.info.get("devicecommissioning") or {} for eds in (a, b)
     )
-    if not ours or not theirs:
+    if not first_values or not second_values:
         return
-    yield from _numbers(ours, theirs, _COMMISSIONING, "DCF: ")
+    yield from _numbers(first_values, second_values, _COMMISSIONING, "DCF: ")
 
 
 def _numbers(
-    ours: Mapping[str, str], theirs: Mapping[str, str], meanings: Mapping[str, str], of: str = ""
+    first_values: Mapping[str, str],
+    second_values: Mapping[str, str],
+    meanings: Mapping[str, str],
+    of: str = "",
 ) -> Iterator[EdsDifference]:
     """Yield the differences of the numbers in an information section; ``meanings`` are the consequences, by key."""
     for title, meaning in meanings.items():
-        given = ours.get(title.lower(), "").strip(), theirs.get(title.lower(), "").strip()
+        given = first_values.get(title.lower(), "").strip(), second_values.get(title.lower(), "").strip()
         if _device_number(given[0]) != _device_number(given[1]):
             yield EdsDifference(DifferenceGroup.IDENTITY, f"{of}{title}", *given, matters=meaning)
 
@@ -93,16 +101,21 @@ def _device_number(text: str) -> int | str | None:
 
 def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
     """Yield the modes that only one of the files lists."""
-    ours, theirs = (
+    first_values, second_values = (
         {(claim.axis, claim.short) for claim in overview.overview(eds, node_id).claims if claim.claimed}
         for eds in (a, b)
     )
-    if not ours or not theirs:
+    if not first_values or not second_values:
         return  # 6502h without a value is a difference of defaults
-    for gone, change in ((ours - theirs, "no longer claimed"), (theirs - ours, "newly claimed")):
-        if gone:
-            words = " ".join(short if axis == 1 else f"{short} (axis {axis})" for axis, short in sorted(gone))
-            texts = (words, "") if change.startswith("no") else ("", words)
+    for modes, change in (
+        (first_values - second_values, "no longer claimed"),
+        (second_values - first_values, "newly claimed"),
+    ):
+        if modes:
+            description = " ".join(
+                short if axis == 1 else f"{short} (axis {axis})" for axis, short in sorted(modes)
+            )
+            texts = (description, "") if change.startswith("no") else ("", description)
             yield EdsDifference(
                 DifferenceGroup.IDENTITY,
                 f"modes {change} (6502h)",
@@ -112,9 +125,11 @@ def _modes(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
 
 
 def _pdos(a: Eds, b: Eds, node_id: int | None) -> Iterator[EdsDifference]:
-    ours, theirs = ({each.name: each for each in layout.layouts(eds, node_id)} for eds in (a, b))
-    for name in [*ours, *(name for name in theirs if name not in ours)]:
-        one, other = ours.get(name), theirs.get(name)
+    first_values, second_values = (
+        {each.name: each for each in layout.layouts(eds, node_id)} for eds in (a, b)
+    )
+    for name in [*first_values, *(name for name in second_values if name not in first_values)]:
+        one, other = first_values.get(name), second_values.get(name)
         if one is not None and other is not None:
             yield from _mapping(one, other)
             continue
@@ -176,14 +191,14 @@ def _presence(a: Eds, b: Eds, group: DifferenceGroup) -> Iterator[EdsDifference]
 
 
 def _one_sided(entry: Object, sub: Variable | None, group: DifferenceGroup, meaning: str) -> EdsDifference:
-    words = _object_words(entry) if sub is None else _entry_words(sub)
+    description = _object_text(entry) if sub is None else _entry_text(sub)
     removed = group is DifferenceGroup.REMOVED
     line = entry.line if sub is None else sub.line
     return EdsDifference(
         group,
         entry.name if sub is None else wording.full_name(entry, sub),
-        words if removed else "",
-        "" if removed else words,
+        description if removed else "",
+        "" if removed else description,
         entry.index,
         None if sub is None else sub.subindex,
         meaning,
@@ -192,13 +207,13 @@ def _one_sided(entry: Object, sub: Variable | None, group: DifferenceGroup, mean
     )
 
 
-def _object_words(entry: Object) -> str:
+def _object_text(entry: Object) -> str:
     if entry.is_record or 0 not in entry.subs:
         return f"{entry.object_type.name} with {counted(len(entry.subs), 'sub-index', 'sub-indices')}"
-    return _entry_words(entry.subs[0])
+    return _entry_text(entry.subs[0])
 
 
-def _entry_words(sub: Variable) -> str:
+def _entry_text(sub: Variable) -> str:
     return f"{wording.type_name(sub)} {sub.access}"
 
 
@@ -217,18 +232,18 @@ def lines(a: Eds, b: Eds, differences: Sequence[EdsDifference], node_id: int | N
     if not differences:
         yield "no difference in meaning"
         return
-    weighty = [each for each in differences if each.matters]
-    if weighty:
+    relevant = [each for each in differences if each.matters]
+    if relevant:
         yield ""
-        yield f"Important for a master: {len(weighty)}"
-        for run in _runs(weighty):
+        yield f"Important for a master: {len(relevant)}"
+        for run in _runs(relevant):
             yield f"  {_where(run)}{run[0].what}: {run[0].matters}"
     for group, members in groupby(differences, key=lambda each: each.group):
         found = list(members)
         yield ""
         yield f"{group.value}: {len(found)}"
         for run in _runs(found):
-            yield f"  {_where(run)}{run[0].what}: {change(run[0])}{_place(run[0])}"
+            yield f"  {_where(run)}{run[0].what}: {change(run[0])}{_address(run[0])}"
 
 
 def change(each: EdsDifference) -> str:
@@ -291,10 +306,10 @@ def _runs(found: Sequence[EdsDifference]) -> Iterator[list[EdsDifference]]:
 def _follows(one: EdsDifference, other: EdsDifference) -> bool:
     if one.subindex is None or other.index != one.index or other.subindex != one.subindex + 1:
         return False
-    return _said(one) == _said(other)
+    return _key(one) == _key(other)
 
 
-def _said(each: EdsDifference) -> tuple[DifferenceGroup, str, str, str, str]:
+def _key(each: EdsDifference) -> tuple[DifferenceGroup, str, str, str, str]:
     return each.group, _DIGITS.sub("#", each.what), each.a, each.b, each.matters
 
 
@@ -303,10 +318,10 @@ def _where(run: Sequence[EdsDifference]) -> str:
     if first.index is None:
         return ""
     if len(run) == 1:
-        return f"{wording.place(first.index, first.subindex)} "
-    return f"{wording.place(first.index, first.subindex)}-{last.subindex:02X} "
+        return f"{wording.address_text(first.index, first.subindex)} "
+    return f"{wording.address_text(first.index, first.subindex)}-{last.subindex:02X} "
 
 
-def _place(each: EdsDifference) -> str:
+def _address(each: EdsDifference) -> str:
     texts = [f"{side}:{line}" for side, line in (("A", each.line_a), ("B", each.line_b)) if line]
     return f"  ({', '.join(texts)})" if texts else ""

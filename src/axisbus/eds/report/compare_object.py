@@ -103,10 +103,10 @@ def object_differences(
             DifferenceGroup.NAMES, "ParameterName", one.name, other.name, one.index, None, "", *lines
         )
     for subindex, sub in one.subs.items():
-        beside = other.subs.get(subindex)
-        if beside is not None:
+        counterpart = other.subs.get(subindex)
+        if counterpart is not None:
             facts = _FACTS if (one.index, subindex) in mapped else (*_FACTS, *_VALUES)
-            yield from _entry(one, sub, beside, node_id, facts)
+            yield from _entry(one, sub, counterpart, node_id, facts)
 
 
 def _entry(

@@ -185,13 +185,13 @@ def presence(eds: Eds, index: int, subindex: int | None, removed: bool) -> str:
         return f"the reaction {_STOP_OBJECTS[first]} can no longer be set"
     if subindex is None and cia301.is_pdo_parameter(index):
         return ""  # reported for the PDO as a whole
-    carried = [
+    mapped_in = [
         each.name
         for each in layout.layouts(eds, None)
         if any(slot.mapped.index == index and subindex in (None, slot.mapped.subindex) for slot in each.slots)
     ]
-    if carried:
-        return f"{', '.join(carried)} carried it"
+    if mapped_in:
+        return f"{', '.join(mapped_in)} carried it"
     return "it affected properties that the master relies on" if first in _DEFAULTS else ""
 
 

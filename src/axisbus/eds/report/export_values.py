@@ -22,7 +22,7 @@ _COLUMNS = (
 )
 
 
-def whole(eds: Eds, node_id: int | None) -> Facts:
+def all_values(eds: Eds, node_id: int | None) -> Facts:
     """Return the whole contents of the file; values are those for ``node_id`` (1 to 127; None leaves formulas)."""
     return {
         "file": eds.source,
@@ -48,8 +48,8 @@ def csv_text(eds: Eds, node_id: int | None) -> str:
 
 
 def json_text(eds: Eds, node_id: int | None) -> str:
-    """Return the result of ``whole`` as JSON, with a line feed at the end."""
-    return json.dumps(whole(eds, node_id), indent=2, ensure_ascii=False) + "\n"
+    """Return the result of ``all_values`` as JSON, with a line feed at the end."""
+    return json.dumps(all_values(eds, node_id), indent=2, ensure_ascii=False) + "\n"
 
 
 def entries(eds: Eds, node_id: int | None) -> Iterator[Facts]:
@@ -86,22 +86,22 @@ def entry(owner: Object, sub: Variable, node_id: int | None) -> Facts:
 
 def device(eds: Eds, node_id: int | None) -> Facts:
     """Return the kind of device that the file describes; a mode's ``claimed`` is None if 6502h has no value."""
-    seen = overview.overview(eds, node_id)
+    summary = overview.overview(eds, node_id)
     return {
-        "vendor": seen.vendor,
-        "product": seen.product,
-        "order_code": seen.order_code,
-        "vendor_id": seen.identity.vendor_id,
-        "product_code": seen.identity.product_code,
-        "revision": seen.identity.revision,
-        "device_type": seen.device_type,
-        "kind": seen.kind,
-        "axes": seen.axes,
+        "vendor": summary.vendor,
+        "product": summary.product,
+        "order_code": summary.order_code,
+        "vendor_id": summary.identity.vendor_id,
+        "product_code": summary.identity.product_code,
+        "revision": summary.identity.revision,
+        "device_type": summary.device_type,
+        "kind": summary.kind,
+        "axes": summary.axes,
         "modes": [
             {"axis": each.axis, "mode": each.short, "claimed": each.claimed, "missing": list(each.missing)}
-            for each in seen.claims
+            for each in summary.claims
         ],
-        "bit_rates": list(seen.bit_rates),
+        "bit_rates": list(summary.bit_rates),
     }
 
 

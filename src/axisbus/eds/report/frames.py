@@ -74,21 +74,21 @@ def frames(
     A PDO is left out if its identifier is unknown or used by another frame, if it has more than 64 bits or none, or if it is
     disabled (unless ``switched_off`` is set). A statusword is one signal for each bit, or with ``words`` one signal.
     """
-    kept: dict[tuple[int, bool], PdoMessage] = {}
+    accepted: dict[tuple[int, bool], PdoMessage] = {}
     left_out: list[str] = []
     for frame in _services(eds, node_id):
-        kept[frame.identifier, frame.extended] = frame
+        accepted[frame.identifier, frame.extended] = frame
     for each in layout.layouts(eds, node_id):
-        reason = _obstacle(each, kept, switched_off)
+        reason = _obstacle(each, accepted, switched_off)
         if reason:
             left_out.append(f"{each.name}: {reason}")
         else:
             frame = _pdo(eds, each, node_id, words)
-            kept[frame.identifier, frame.extended] = frame
-    return tuple(kept.values()), tuple(left_out)
+            accepted[frame.identifier, frame.extended] = frame
+    return tuple(accepted.values()), tuple(left_out)
 
 
-def _obstacle(each: PdoLayout, kept: Mapping[tuple[int, bool], PdoMessage], switched_off: bool) -> str:
+def _obstacle(each: PdoLayout, accepted: Mapping[tuple[int, bool], PdoMessage], switched_off: bool) -> str:
     """Return the reason why a PDO is left out; empty if it is included."""
     if each.identifier is None:
         return "the file gives no COB-ID"
@@ -98,7 +98,7 @@ def _obstacle(each: PdoLayout, kept: Mapping[tuple[int, bool], PdoMessage], swit
         return "maps nothing"
     if each.bits > MAX_BITS:
         return f"maps {counted(each.bits, 'bit')}, a CAN frame holds {MAX_BITS}"
-    other = kept.get((each.identifier, each.extended))
+    other = accepted.get((each.identifier, each.extended))
     return f"{each.identifier:03X}h is already the identifier of {other.name}" if other is not None else ""
 
 
@@ -115,9 +115,9 @@ def _pdo(eds: Eds, each: PdoLayout, node_id: int, words: bool) -> PdoMessage:
         MASTER if each.receive else node_name(node_id),
         f"{each.name} {'' if each.valid else 'switched off, '}{pdo_text.transmission(each)}",
         tuple(
-            made
+            field_text
             for number, slot in slots.items()
-            for made in _fields(eds, slot, names[number], node_id, words)
+            for field_text in _fields(eds, slot, names[number], node_id, words)
         ),
         each.extended,
     )
@@ -140,12 +140,12 @@ def _address(slot: PdoSlot) -> str:
 
 def _fields(eds: Eds, slot: PdoSlot, name: str, node_id: int, words: bool) -> Iterator[PdoSignal]:
     """Yield the signal of a mapped object; of a statusword (without ``words``) one for each bit, with the meaning of 0 and 1."""
-    whole = _field(eds, slot, name, node_id)
+    complete = _field(eds, slot, name, node_id)
     if words or first_axis(slot.mapped.index) != cia402.STATUSWORD or slot.bits != len(_STATUS):
-        yield whole
+        yield complete
         return
     for bit, text in _STATUS.items():
-        comment = f"{whole.comment}, bit {bit}: {text}"
+        comment = f"{complete.comment}, bit {bit}: {text}"
         named = naming.snake(text.partition(" (")[0].partition(":")[0])
         choices = (
             {0: f"not_{named.lower()}", 1: named.lower()} if bit in _PLAIN_BITS else _QUICK_STOP.get(bit, {})
@@ -194,7 +194,7 @@ def _field(eds: Eds, slot: PdoSlot, name: str, node_id: int) -> PdoSignal:
         name,
         slot.first_bit,
         slot.bits,
-        f"{wording.place(slot.mapped.index, slot.mapped.subindex)} {slot.name}, {pdo_text.kind(slot)}",
+        f"{wording.address_text(slot.mapped.index, slot.mapped.subindex)} {slot.name}, {pdo_text.kind(slot)}",
         slot.signed and slot.data_type not in _REALS,
         slot.data_type in _REALS and slot.data_type is not None and slot.data_type.bits == slot.bits,
         _MODES if first_axis(slot.mapped.index) in _MODE_OBJECTS else {},
@@ -319,11 +319,11 @@ def dumps(eds: Eds, node_id: int | None, *, switched_off: bool = False, words: b
         raise ArgumentError(
             f"{eds.source}: the CAN identifiers of a DBC depend on the node ID", remedy="give it: --node 5"
         )
-    kept, left_out = frames(eds, node_id, switched_off=switched_off, words=words)
-    return Dbc(_text(eds, node_id, kept), left_out)
+    accepted, left_out = frames(eds, node_id, switched_off=switched_off, words=words)
+    return Dbc(_text(eds, node_id, accepted), left_out)
 
 
-def _text(eds: Eds, node_id: int, kept: tuple[PdoMessage, ...]) -> str:
+def _text(eds: Eds, node_id: int, accepted: tuple[PdoMessage, ...]) -> str:
     try:
         from cantools.database.can import Database, Node
     except ImportError as error:
@@ -332,9 +332,9 @@ def _text(eds: Eds, node_id: int, kept: tuple[PdoMessage, ...]) -> str:
             observed=str(error),
             remedy='install it: pip install "axisbus[dbc]"',
         ) from error
-    seen = overview.overview(eds, node_id)
-    nodes = [Node(MASTER, "CANopen master"), Node(node_name(node_id), _ascii(seen.title))]
-    messages = [_message(frame, node_id) for frame in kept]
+    summary = overview.overview(eds, node_id)
+    nodes = [Node(MASTER, "CANopen master"), Node(node_name(node_id), _ascii(summary.title))]
+    messages = [_message(frame, node_id) for frame in accepted]
     text: str = Database(messages, nodes, version="").as_dbc_string()
     return text
 

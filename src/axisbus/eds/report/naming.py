@@ -13,16 +13,16 @@ MAX_LENGTH = 80  # a ParameterName has up to 241 characters (DS 306 4.6.3.2)
 
 _Key = TypeVar("_Key")
 
-_NO_WORD = re.compile(r"[^0-9A-Za-z]+")
-_SPOKEN = {"+": " plus ", "°": " deg ", "µ": "u", "μ": "u", "Ω": " ohm ", "%": " percent ", "ß": "ss"}
+_SEPARATORS = re.compile(r"[^0-9A-Za-z]+")
+_SYMBOL_NAMES = {"+": " plus ", "°": " deg ", "µ": "u", "μ": "u", "Ω": " ohm ", "%": " percent ", "ß": "ss"}
 
 
 def snake(text: str) -> str:
     """Return words joined by ``_`` in their own case, ASCII only; empty if nothing of the text remains."""
-    for sign, word in _SPOKEN.items():
+    for sign, word in _SYMBOL_NAMES.items():
         text = text.replace(sign, word)
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode()
-    return _NO_WORD.sub("_", plain).strip("_")[:MAX_LENGTH].rstrip("_")
+    return _SEPARATORS.sub("_", plain).strip("_")[:MAX_LENGTH].rstrip("_")
 
 
 def constant(text: str, otherwise: str) -> str:
@@ -40,18 +40,18 @@ def camel(text: str, otherwise: str) -> str:
 
 
 def unique(
-    wanted: Mapping[_Key, str], suffix: Callable[[_Key], str], taken: Collection[str] = ()
+    preferred: Mapping[_Key, str], suffix: Callable[[_Key], str], reserved: Collection[str] = ()
 ) -> dict[_Key, str]:
     """Return a unique name for each key: the wanted one, with ``suffix`` if it is not unique or is taken.
 
     All keys that share a name get the suffix, so that no name depends on the order of the file. Keywords of Python count as taken.
     """
-    counts = Counter(wanted.values())
-    alone = {key for key, name in wanted.items() if counts[name] == 1 and _free(name, taken)}
-    used = {wanted[key] for key in alone} | set(taken)
+    counts = Counter(preferred.values())
+    unambiguous = {key for key, name in preferred.items() if counts[name] == 1 and _free(name, reserved)}
+    used = {preferred[key] for key in unambiguous} | set(reserved)
     names: dict[_Key, str] = {}
-    for key, name in wanted.items():
-        if key not in alone:
+    for key, name in preferred.items():
+        if key not in unambiguous:
             name = f"{name}_{suffix(key)}"
             while name in used:
                 name += "_"
@@ -60,5 +60,5 @@ def unique(
     return names
 
 
-def _free(name: str, taken: Collection[str]) -> bool:
-    return name not in taken and not keyword.iskeyword(name) and not keyword.issoftkeyword(name)
+def _free(name: str, reserved: Collection[str]) -> bool:
+    return name not in reserved and not keyword.iskeyword(name) and not keyword.issoftkeyword(name)

@@ -12,7 +12,7 @@ from axisbus.wording import counted
 if TYPE_CHECKING:  # the model imports this module to display a file, so this module cannot import the model
     from axisbus.eds.model import Eds
 
-_MANY = 5000  # objects: larger files are not searched for oddities here
+_MAX_CHECKED = 5000  # objects: larger files are not searched for oddities here
 # The areas of an object dictionary (CiA 301).
 _AREAS = (
     (range(0x1000, 0x2000), "communication, 1000h to 1FFFh"),
@@ -37,17 +37,17 @@ def _rows(eds: Eds) -> Iterator[tuple[str, str]]:
         yield "made for node", str(eds.node_id)
     for area, name in _AREAS:
         yield name, counted(sum(index in area for index in eds.objects), "object")
-    pdos = ((sum(index in those for index in eds.objects), name) for those, name in _PDOS)
+    pdos = ((sum(index in indices for index in eds.objects), name) for indices, name in _PDOS)
     yield "PDOs", ", ".join(counted(number, name) for number, name in pdos)
     yield "found while reading", _findings(eds)
 
 
 def _findings(eds: Eds) -> str:
-    if len(eds.objects) > _MANY:
+    if len(eds.objects) > _MAX_CHECKED:
         return "see axisbus eds check"
     found = Counter(finding.severity.value for finding in eds.findings)
-    told = [counted(number, severity) for severity, number in found.items()]
-    return f"{', '.join(told)}; axisbus eds check lists them" if told else "nothing odd"
+    count_texts = [counted(number, severity) for severity, number in found.items()]
+    return f"{', '.join(count_texts)}; axisbus eds check lists them" if count_texts else "nothing odd"
 
 
 def _hex(value: int | None) -> str:

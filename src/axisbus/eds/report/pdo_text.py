@@ -44,11 +44,11 @@ def draw(layout: PdoLayout, width: int, style: Style = BOXES) -> list[str]:
     if not layout.bits:
         return []
     scale, in_row = _scale(layout, width)
-    drawn: list[str] = []
+    row_lines: list[str] = []
     for first in range(0, max(_BYTES, layout.size), in_row):
         if first * 8 < layout.bits:
-            drawn += _row(layout, first, in_row, scale, style)
-    return drawn
+            row_lines += _row(layout, first, in_row, scale, style)
+    return row_lines
 
 
 def legend(layout: PdoLayout, width: int) -> list[tuple[str, str, str, str, str]]:
@@ -97,14 +97,14 @@ def transmission(layout: PdoLayout) -> str:
     if kind is None:
         return "no transmission type in the file"
     if kind == 0:
-        words = "with the next SYNC" if layout.receive else "with SYNC, on change"
+        timing = "with the next SYNC" if layout.receive else "with SYNC, on change"
     elif is_synchronous(kind):
-        words = "with every SYNC" if kind == 1 or layout.receive else f"with every {kind}. SYNC"
+        timing = "with every SYNC" if kind == 1 or layout.receive else f"with every {kind}. SYNC"
     elif kind in (252, 253):
-        words = "on remote request"
+        timing = "on remote request"
     else:
-        words = "on arrival" if layout.receive else "on change"
-    return f"{words} (type {kind})"
+        timing = "on arrival" if layout.receive else "on change"
+    return f"{timing} (type {kind})"
 
 
 def kind(slot: PdoSlot) -> str:
@@ -175,12 +175,12 @@ class _Box:
 
     def text(self, line: int, style: Style) -> str:
         """Return its address or letter (line 0) or its name (line 1), cut to the width inside the borders."""
-        words = self._labels[line]
-        if self._continued and words:
-            words = style.dots + words
-        if len(words) > self.room:
-            words = words[: self.room - 1].rstrip() + style.dots if self.room > 2 else words[: self.room]
-        return words.ljust(self.room)
+        timing = self._labels[line]
+        if self._continued and timing:
+            timing = style.dots + timing
+        if len(timing) > self.room:
+            timing = timing[: self.room - 1].rstrip() + style.dots if self.room > 2 else timing[: self.room]
+        return timing.ljust(self.room)
 
 
 def _border(boxes: list[_Box], corners: str, line: str) -> str:

@@ -23,7 +23,7 @@ PAGE = 100  # characters of a drawing if the width is not limited
 _NARROWEST_NAME = 16
 _WIDEST_NAME = 60
 _ROOM_FOR_VALUE = 24
-_ALIKE = 3  # at least this many sub-indices that differ only in their number are shown as one line
+_MIN_FOLDED = 3  # at least this many sub-indices that differ only in their number are shown as one line
 _DIGITS = re.compile(r"\d+")
 
 
@@ -80,50 +80,54 @@ def matches(
 
 def head(eds: Eds, node_id: int | None) -> Iterator[str]:
     """Yield the head: maker, device, capabilities, and number of findings."""
-    seen = overview.overview(eds, node_id)
-    yield f"{seen.title} ({eds.source})"
+    summary = overview.overview(eds, node_id)
+    yield f"{summary.title} ({eds.source})"
     for title, text in (
-        ("identity", identity_words(seen)),
-        ("device", _device_words(seen)),
-        ("modes", modes_words(seen)),
-        ("bit rates", ", ".join(map(str, seen.bit_rates)) + " kbit/s" if seen.bit_rates else ""),
+        ("identity", identity_text(summary)),
+        ("device", _device_text(summary)),
+        ("modes", modes_text(summary)),
+        ("bit rates", ", ".join(map(str, summary.bit_rates)) + " kbit/s" if summary.bit_rates else ""),
         ("contents", overview.contents(eds)),
-        ("node", _node_words(eds, node_id)),
+        ("node", _node_text(eds, node_id)),
         ("reading", wording.findings(eds.findings) or "nothing odd"),
     ):
         if text:
             yield f"  {title:<10}  {text}"
 
 
-def identity_words(seen: overview.EdsOverview) -> str:
+def identity_text(summary: overview.EdsOverview) -> str:
     """Return the numbers of 1018h in one line."""
-    who = seen.identity
-    numbers = (("vendor", who.vendor_id), ("product", who.product_code), ("revision", who.revision))
+    identity = summary.identity
+    numbers = (
+        ("vendor", identity.vendor_id),
+        ("product", identity.product_code),
+        ("revision", identity.revision),
+    )
     return ", ".join(f"{title} 0x{number:08X}" for title, number in numbers if number is not None)
 
 
-def modes_words(seen: overview.EdsOverview) -> str:
+def modes_text(summary: overview.EdsOverview) -> str:
     """Return the modes that the file lists for each axis; empty if the device is no drive."""
     texts = []
-    for axis in range(1, seen.axes + 1):
-        claims = [claim for claim in seen.claims if claim.axis == axis]
+    for axis in range(1, summary.axes + 1):
+        claims = [claim for claim in summary.claims if claim.axis == axis]
         claimed = [claim.short for claim in claims if claim.claimed]
         if all(claim.claimed is None for claim in claims):
             able = " ".join(claim.short for claim in claims if not claim.missing)
             text = f"not said (6502h has no value); objects are there for {able or 'none'}"
         else:
             text = " ".join(claimed) or "none"
-        texts.append(f"axis {axis}: {text}" if seen.axes > 1 else text)
+        texts.append(f"axis {axis}: {text}" if summary.axes > 1 else text)
     return "; ".join(texts)
 
 
-def _device_words(seen: overview.EdsOverview) -> str:
-    if seen.device_type is None:
+def _device_text(summary: overview.EdsOverview) -> str:
+    if summary.device_type is None:
         return ""
-    return f"{seen.kind}, device type 0x{seen.device_type:08X}"
+    return f"{summary.kind}, device type 0x{summary.device_type:08X}"
 
 
-def _node_words(eds: Eds, node_id: int | None) -> str:
+def _node_text(eds: Eds, node_id: int | None) -> str:
     if node_id is None:
         return ""
     return f"{node_id}" + (" (the DCF's own)" if node_id == eds.node_id else "")
@@ -157,12 +161,12 @@ def _sub_row(eds: Eds, run: list[Variable], node_id: int | None, mark: str) -> T
 
 def _row(eds: Eds, sub: Variable, node_id: int | None, address: str, name: str) -> TreeRow:
     limits = wording.limits(sub, node_id)
-    text = value_words(eds, sub, node_id)
+    text = value_text(eds, sub, node_id)
     value = f"{text}  [{limits}]" if limits and text else f"[{limits}]" if limits else text
     return TreeRow(address, name, wording.type_name(sub), sub.access, wording.pdo_direction(sub), value)
 
 
-def value_words(eds: Eds, sub: Variable, node_id: int | None) -> str:
+def value_text(eds: Eds, sub: Variable, node_id: int | None) -> str:
     """Return the value after power-up; for a mapping entry, the object that it maps."""
     given = sub.initial(node_id)
     if isinstance(given, int) and is_pdo_mapping(sub.index) and sub.subindex > 0:
@@ -182,7 +186,7 @@ def runs(subs: list[Variable]) -> Iterator[list[Variable]]:
 
 
 def _folded(run: list[Variable]) -> Iterator[list[Variable]]:
-    if len(run) >= _ALIKE:
+    if len(run) >= _MIN_FOLDED:
         yield run
     else:
         yield from ([sub] for sub in run)
@@ -236,7 +240,7 @@ def object_lines(eds: Eds, match: ObjectMatch, node_id: int | None, screen: Scre
     entry = match.entry
     pdos = layout.layouts(eds, node_id)
     where = f"{eds.source}:{entry.line}" if entry.line else f"{eds.source}, by CompactPDO"
-    yield f"{wording.place(entry.index)}  {entry.name}  ({where})"
+    yield f"{wording.address_text(entry.index)}  {entry.name}  ({where})"
     subs = [sub for sub in entry.subs.values() if match.subs is None or sub.subindex in match.subs]
     if entry.is_record:
         yield f"  {entry.object_type.name} with {counted(len(entry.subs), 'sub-index', 'sub-indices')}"
@@ -248,13 +252,13 @@ def object_lines(eds: Eds, match: ObjectMatch, node_id: int | None, screen: Scre
         )
     for sub in subs:
         yield from _entry(entry, sub, node_id, pdos)
-    yield from _drawn(entry, pdos, screen)
+    yield from _pdo_rows(entry, pdos, screen)
 
 
 def pdo_lines(pdo: PdoLayout, screen: Screen) -> Iterator[str]:
     """Yield a PDO drawn, with its parameters."""
     yield from pdo_text.lines(pdo, screen.drawing, screen.style)
-    yield f"  parameters in {wording.place(pdo.communication)} and {wording.place(pdo.mapping)}"
+    yield f"  parameters in {wording.address_text(pdo.communication)} and {wording.address_text(pdo.mapping)}"
 
 
 def _entry(entry: Object, sub: Variable, node_id: int | None, pdos: tuple[PdoLayout, ...]) -> Iterator[str]:
@@ -290,9 +294,9 @@ def remarks(entry: Object, sub: Variable, pdos: tuple[PdoLayout, ...]) -> Iterat
     """Yield additional information about an entry as (title, text); most sub-indices have none."""
     if sub.denotation and sub.denotation != sub.name:
         yield "name", sub.name
-    carried = ", ".join(carriers(sub, pdos))
-    if carried:
-        yield "in", carried
+    mapped_in = ", ".join(carriers(sub, pdos))
+    if mapped_in:
+        yield "in", mapped_in
     flags = [text for bit, text in _FLAGS.items() if sub.object_flags >> bit & 1]
     if flags:
         yield "flags", "; ".join(flags)
@@ -311,7 +315,7 @@ def carriers(sub: Variable, pdos: tuple[PdoLayout, ...]) -> list[str]:
     ]
 
 
-def _drawn(entry: Object, pdos: tuple[PdoLayout, ...], screen: Screen) -> Iterator[str]:
+def _pdo_rows(entry: Object, pdos: tuple[PdoLayout, ...], screen: Screen) -> Iterator[str]:
     for each in pdos:
         if entry.index in (each.communication, each.mapping):
             yield from pdo_text.lines(each, screen.drawing, screen.style)
@@ -358,7 +362,7 @@ def find(eds: Eds, wanted: str) -> SearchResult:
         return SearchResult(pdo=(pdo[1].lower() == "r", int(pdo[2])))
     matches = _by_address(eds, text) or _by_name(eds, text)
     if not matches:
-        raise _nothing(eds, text)
+        raise _not_found(eds, text)
     return SearchResult(matches)
 
 
@@ -397,10 +401,10 @@ def _holds(name: str, owner: str, words: list[str]) -> bool:
     return any(word in name for word in words) and all(word in name or word in owner for word in words)
 
 
-def _nothing(eds: Eds, text: str) -> EdsError:
+def _not_found(eds: Eds, text: str) -> EdsError:
     names = {entry.name.lower(): entry for entry in eds}
-    near = difflib.get_close_matches(text.lower(), names, n=3, cutoff=0.6)
-    hint = ", ".join(f"{names[name].index:04X}h {names[name].name}" for name in near)
+    similar = difflib.get_close_matches(text.lower(), names, n=3, cutoff=0.6)
+    hint = ", ".join(f"{names[name].index:04X}h {names[name].name}" for name in similar)
     return EdsError(
         f"there is no object {text!r}",
         file=eds.source,

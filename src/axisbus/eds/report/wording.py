@@ -17,7 +17,7 @@ Default = Number | float | str | bytes | None
 # 32-bit objects of the communication area that are counts or times; the others are identifiers and bit fields.
 _COUNTED = frozenset((0x1006, 0x1007, 0x1013, 0x1028))
 # Objects of CiA 402 that are read bit by bit.
-_BIT_WORDS = frozenset(
+_BIT_FIELDS = frozenset(
     (
         *(0x603F, cia402.CONTROLWORD, cia402.STATUSWORD, cia402.POLARITY, cia402.SUPPORTED_DRIVE_MODES),
         *(0x60A8, 0x60A9, 0x60AA, 0x60AB, 0x60B8, 0x60B9, cia402.DIGITAL_INPUTS, 0x60FE, 0x67FF),
@@ -26,7 +26,7 @@ _BIT_WORDS = frozenset(
 _PDO_BY_ACCESS = {"ro": "TPDO", "rwr": "TPDO", "const": "TPDO", "wo": "RPDO", "rww": "RPDO"}
 
 
-def place(index: int, subindex: int | None = None) -> str:
+def address_text(index: int, subindex: int | None = None) -> str:
     """Return an address for display: ``6041h``, ``1018h:01``."""
     return f"{index:04X}h" if subindex is None else f"{index:04X}h:{subindex:02X}"
 
@@ -44,7 +44,7 @@ def in_hex(entry: Variable) -> bool:
         return False
     if entry.index < 0x2000:
         return entry.data_type is DataType.UNSIGNED32 and entry.index not in _COUNTED
-    return first_axis(entry.index) in _BIT_WORDS and not (entry.index == 0x60FE and entry.subindex == 0)
+    return first_axis(entry.index) in _BIT_FIELDS and not (entry.index == 0x60FE and entry.subindex == 0)
 
 
 def value(given: Default, entry: Variable, node_id: int | None) -> str:

@@ -33,89 +33,89 @@ _RECORDS = (
 
 
 @finds("C001")
-def no_mandatory(sheet: RuleContext) -> Iterator[Hit]:
+def no_mandatory(context: RuleContext) -> Iterator[Hit]:
     """C001."""
     for index in (o.DEVICE_TYPE, o.ERROR_REGISTER):
-        if index not in sheet.eds:
-            yield sheet.at(sheet.where_missing(index), "", f"object {_named(index)} is missing", index)
+        if index not in context.eds:
+            yield context.at(context.where_missing(index), "", f"object {_named(index)} is missing", index)
 
 
 @finds("C008")
-def no_identity(sheet: RuleContext) -> Iterator[Hit]:
+def no_identity(context: RuleContext) -> Iterator[Hit]:
     """C008."""
-    if o.IDENTITY not in sheet.eds:
-        yield sheet.at(
-            sheet.where_missing(o.IDENTITY), "", f"object {_named(o.IDENTITY)} is missing", o.IDENTITY
+    if o.IDENTITY not in context.eds:
+        yield context.at(
+            context.where_missing(o.IDENTITY), "", f"object {_named(o.IDENTITY)} is missing", o.IDENTITY
         )
-    elif sheet.eds.get(o.IDENTITY, 1) is None and sheet.eds.objects[o.IDENTITY].subs:
-        yield sheet.at(
-            sheet.heads.get(o.IDENTITY), "", "[1018] has no sub-index 1, the vendor-ID", o.IDENTITY, 1
+    elif context.eds.get(o.IDENTITY, 1) is None and context.eds.objects[o.IDENTITY].subs:
+        yield context.at(
+            context.heads.get(o.IDENTITY), "", "[1018] has no sub-index 1, the vendor-ID", o.IDENTITY, 1
         )
 
 
 @finds("C002")
-def object_types(sheet: RuleContext) -> Iterator[Hit]:
+def object_types(context: RuleContext) -> Iterator[Hit]:
     """C002."""
-    for index in sheet.heads:
+    for index in context.heads:
         whole = dictionary.whole(index) if index in _AREA or index == _SDO_SERVER else None
         if whole is not None:
-            yield from wrong_object_type(sheet, index, ObjectType[whole.object_type], "CiA 301")
+            yield from wrong_object_type(context, index, ObjectType[whole.object_type], "CiA 301")
 
 
 def wrong_object_type(
-    sheet: RuleContext, index: int, wanted: ObjectType, standard_name: str, severity: Severity | None = None
+    context: RuleContext, index: int, wanted: ObjectType, standard_name: str, severity: Severity | None = None
 ) -> Iterator[Hit]:
     """Yield a hit if an object's type differs from the standard's."""
-    entry, head = sheet.eds.objects[index], sheet.heads[index]
+    entry, head = context.eds.objects[index], context.heads[index]
     if not head.entries.get("objecttype"):
         return  # an assumed type is not the file's mistake; O006 and O031 report it
     if entry.object_type is not wanted and not (
         wanted is ObjectType.VAR and entry.object_type is ObjectType.DOMAIN
     ):
         text = f"[{head.name}] is {an(entry.object_type)}, {standard_name} has {an(wanted)}"
-        yield sheet.at(head, "objecttype", text, index, severity=severity)
+        yield context.at(head, "objecttype", text, index, severity=severity)
 
 
 @finds("C020")
-def pdo_object_types(sheet: RuleContext) -> Iterator[Hit]:
+def pdo_object_types(context: RuleContext) -> Iterator[Hit]:
     """C020."""
-    for index in sheet.heads:
+    for index in context.heads:
         if any(index in area for area in _RECORDS):
-            yield from wrong_object_type(sheet, index, ObjectType.RECORD, "CiA 301")
+            yield from wrong_object_type(context, index, ObjectType.RECORD, "CiA 301")
 
 
 @finds("C003")
-def data_types(sheet: RuleContext) -> Iterator[Hit]:
+def data_types(context: RuleContext) -> Iterator[Hit]:
     """C003."""
-    for entry, row in _rows(sheet):
+    for entry, row in _rows(context):
         kind = entry.variable.data_type
         if row.data_types and kind and kind not in row.data_types:
             wanted = " or ".join(each.name for each in row.data_types)
-            yield sheet.on(entry, "datatype", f"is {kind.name}, CiA 301 has {wanted} ({row.name})")
-    yield from sdo_types(sheet)
+            yield context.on(entry, "datatype", f"is {kind.name}, CiA 301 has {wanted} ({row.name})")
+    yield from sdo_types(context)
 
 
 @finds("C004")
-def access(sheet: RuleContext) -> Iterator[Hit]:
+def access(context: RuleContext) -> Iterator[Hit]:
     """C004."""
-    for entry, row in _rows(sheet):
-        if entry.says_access and row.access and row.access <= standard.READ_ONLY and entry.variable.writable:
+    for entry, row in _rows(context):
+        if entry.has_access and row.access and row.access <= standard.READ_ONLY and entry.variable.writable:
             wanted = " or ".join(sorted(row.access))
-            yield sheet.on(
+            yield context.on(
                 entry, "accesstype", f"is {entry.variable.access}, CiA 301 has {wanted} ({row.name})"
             )
 
 
 @finds("C021")
-def fixed(sheet: RuleContext) -> Iterator[Hit]:
+def fixed(context: RuleContext) -> Iterator[Hit]:
     """C021."""
-    for entry, row in _rows(sheet):
-        if row.access == {"rw"} and entry.says_access and not entry.variable.writable:
-            yield sheet.on(entry, "accesstype", f"is {entry.variable.access}, CiA 301 has rw ({row.name})")
+    for entry, row in _rows(context):
+        if row.access == {"rw"} and entry.has_access and not entry.variable.writable:
+            yield context.on(entry, "accesstype", f"is {entry.variable.access}, CiA 301 has rw ({row.name})")
 
 
-def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
-    for entry in sheet.described:
+def _rows(context: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
+    for entry in context.described:
         variable = entry.variable
         if variable.index > _SDO_SERVER:
             break
@@ -125,74 +125,74 @@ def _rows(sheet: RuleContext) -> Iterator[tuple[Described, StandardObject]]:
 
 
 @finds("C005")
-def no_device_type(sheet: RuleContext) -> Iterator[Hit]:
+def no_device_type(context: RuleContext) -> Iterator[Hit]:
     """C005."""
-    head = sheet.heads.get(o.DEVICE_TYPE)
-    if head is not None and not head.entries.get("defaultvalue") and sheet.number(o.DEVICE_TYPE) is None:
-        yield sheet.at(head, "defaultvalue", f"[{head.name}] has no DefaultValue", o.DEVICE_TYPE)
+    head = context.heads.get(o.DEVICE_TYPE)
+    if head is not None and not head.entries.get("defaultvalue") and context.number(o.DEVICE_TYPE) is None:
+        yield context.at(head, "defaultvalue", f"[{head.name}] has no DefaultValue", o.DEVICE_TYPE)
 
 
 @finds("C006")
-def no_error_control(sheet: RuleContext) -> Iterator[Hit]:
+def no_error_control(context: RuleContext) -> Iterator[Hit]:
     """C006."""
-    guarding = o.GUARD_TIME in sheet.eds and o.LIFE_TIME_FACTOR in sheet.eds
-    if o.PRODUCER_HEARTBEAT not in sheet.eds and not guarding:
+    guarding = o.GUARD_TIME in context.eds and o.LIFE_TIME_FACTOR in context.eds
+    if o.PRODUCER_HEARTBEAT not in context.eds and not guarding:
         text = "neither the heartbeat (1017) nor node guarding (100C and 100D) is described"
-        yield sheet.at(sheet.where_missing(o.PRODUCER_HEARTBEAT), "", text, o.PRODUCER_HEARTBEAT)
+        yield context.at(context.where_missing(o.PRODUCER_HEARTBEAT), "", text, o.PRODUCER_HEARTBEAT)
 
 
 @finds("C007")
-def no_emergency_id(sheet: RuleContext) -> Iterator[Hit]:
+def no_emergency_id(context: RuleContext) -> Iterator[Hit]:
     """C007."""
-    if o.PREDEFINED_ERROR_FIELD in sheet.eds and o.COB_ID_EMCY not in sheet.eds:
-        head = sheet.heads.get(o.PREDEFINED_ERROR_FIELD)
-        yield sheet.at(
+    if o.PREDEFINED_ERROR_FIELD in context.eds and o.COB_ID_EMCY not in context.eds:
+        head = context.heads.get(o.PREDEFINED_ERROR_FIELD)
+        yield context.at(
             head, "", "errors are kept (1003), but 1014, the COB-ID of EMCY, is missing", o.COB_ID_EMCY
         )
 
 
 @finds("C009")
-def no_sync_id(sheet: RuleContext) -> Iterator[Hit]:
+def no_sync_id(context: RuleContext) -> Iterator[Hit]:
     """C009."""
-    if o.COB_ID_SYNC in sheet.eds:
+    if o.COB_ID_SYNC in context.eds:
         return
-    for _, entry in pdo.communications(sheet):
+    for _, entry in pdo.communications(context):
         sub = entry.subs.get(2)
         kind = number_of(sub) if sub is not None else None
-        if sub is not None and kind is not None and is_synchronous(kind) and _exists(sheet, entry.index):
+        if sub is not None and kind is not None and is_synchronous(kind) and _exists(context, entry.index):
             text = f"[{entry.index:04X}sub2] is synchronous (type {kind}), but 1005, the COB-ID of SYNC, is missing"
-            yield sheet.at_start(entry.index, text, 2, missing=o.COB_ID_SYNC)
+            yield context.at_start(entry.index, text, 2, missing=o.COB_ID_SYNC)
             return
 
 
-def _exists(sheet: RuleContext, index: int) -> bool:
-    identifier = sheet.number(index, 1)
+def _exists(context: RuleContext, index: int) -> bool:
+    identifier = context.number(index, 1)
     return identifier is not None and not identifier & cob.INVALID
 
 
 @finds("C010")
-def no_cycle_period(sheet: RuleContext) -> Iterator[Hit]:
+def no_cycle_period(context: RuleContext) -> Iterator[Hit]:
     """C010."""
-    sync = sheet.number(o.COB_ID_SYNC)
-    if sync is not None and sync & _SYNC_PRODUCER and o.CYCLE_PERIOD not in sheet.eds:
+    sync = context.number(o.COB_ID_SYNC)
+    if sync is not None and sync & _SYNC_PRODUCER and o.CYCLE_PERIOD not in context.eds:
         text = "the device produces SYNC (bit 30 of 1005), but 1006, the cycle period, is missing"
-        yield sheet.at(sheet.heads.get(o.COB_ID_SYNC), "defaultvalue", text, o.CYCLE_PERIOD)
+        yield context.at(context.heads.get(o.COB_ID_SYNC), "defaultvalue", text, o.CYCLE_PERIOD)
 
 
 @finds("C011")
-def half_a_guard(sheet: RuleContext) -> Iterator[Hit]:
+def half_a_guard(context: RuleContext) -> Iterator[Hit]:
     """C011."""
     for here, there in ((o.GUARD_TIME, o.LIFE_TIME_FACTOR), (o.LIFE_TIME_FACTOR, o.GUARD_TIME)):
-        if here in sheet.eds and there not in sheet.eds:
+        if here in context.eds and there not in context.eds:
             text = f"{_named(here)} is there without {_named(there)}"
-            yield sheet.at(sheet.heads.get(here), "", text, there)
+            yield context.at(context.heads.get(here), "", text, there)
 
 
 @finds("C012")
-def sdo_ids(sheet: RuleContext) -> Iterator[Hit]:
+def sdo_ids(context: RuleContext) -> Iterator[Hit]:
     """C012."""
     for subindex, base in _SDO_IDS.items():
-        entry = sheet.eds.get(_SDO_SERVER, subindex)
+        entry = context.eds.get(_SDO_SERVER, subindex)
         value = start_value(entry) if entry is not None else None
         if value is None:
             continue
@@ -200,36 +200,36 @@ def sdo_ids(sheet: RuleContext) -> Iterator[Hit]:
         right = given == base if value.plus_node_id else base < given <= base + 127
         if not right and value.value:
             text = f"[1200sub{subindex}] is not $NODEID+0x{base:X}, the identifier of the default SDO"
-            yield sheet.at_start(_SDO_SERVER, text, subindex)
+            yield context.at_start(_SDO_SERVER, text, subindex)
 
 
 @finds("C013")
-def emergency_id(sheet: RuleContext) -> Iterator[Hit]:
+def emergency_id(context: RuleContext) -> Iterator[Hit]:
     """C013."""
-    entry = sheet.eds.get(o.COB_ID_EMCY)
+    entry = context.eds.get(o.COB_ID_EMCY)
     value = start_value(entry) if entry is not None else None
     if value is None or value.value & cob.INVALID:
         return
     base = value.value & cob.ID_MASK_29
     if value.plus_node_id and base != cob.EMCY and not restricted(value):  # else C016 reports it
         text = f"[1014] is $NODEID+0x{base:X}, $NODEID+0x80 is the identifier of EMCY"
-        yield sheet.at_start(o.COB_ID_EMCY, text)
+        yield context.at_start(o.COB_ID_EMCY, text)
 
 
 @finds("C014")
-def sync_overflow(sheet: RuleContext) -> Iterator[Hit]:
+def sync_overflow(context: RuleContext) -> Iterator[Hit]:
     """C014."""
-    value = sheet.number(_OVERFLOW)
+    value = context.number(_OVERFLOW)
     if value is not None and value != 0 and not 2 <= value <= 240:
-        yield sheet.at_start(_OVERFLOW, f"[1019] is {value}, the allowed values are 0 and 2 to 240")
+        yield context.at_start(_OVERFLOW, f"[1019] is {value}, the allowed values are 0 and 2 to 240")
 
 
 @finds("C015")
-def no_store_format(sheet: RuleContext) -> Iterator[Hit]:
+def no_store_format(context: RuleContext) -> Iterator[Hit]:
     """C015."""
-    if _STORE_EDS in sheet.eds and _STORE_FORMAT not in sheet.eds:
+    if _STORE_EDS in context.eds and _STORE_FORMAT not in context.eds:
         text = "1021, the stored EDS, is there without 1022, its format"
-        yield sheet.at(sheet.heads.get(_STORE_EDS), "", text, _STORE_FORMAT)
+        yield context.at(context.heads.get(_STORE_EDS), "", text, _STORE_FORMAT)
 
 
 def _named(index: int) -> str:
@@ -261,16 +261,16 @@ _SERVICES: Mapping[int, _Service] = {
 
 
 @finds("C016")
-def identifiers(sheet: RuleContext) -> Iterator[Hit]:
+def identifiers(context: RuleContext) -> Iterator[Hit]:
     """C016."""
     for index, service in _SERVICES.items():
-        entry = sheet.eds.get(index)
+        entry = context.eds.get(index)
         value = start_value(entry) if entry is not None else None
         if value is None or (index == o.COB_ID_EMCY and value.value & cob.INVALID):
             continue
         wrong = too_long(value) or _wrong(service, value)
         if wrong:
-            yield sheet.at_start(index, f"[{index:04X}] {wrong}")
+            yield context.at_start(index, f"[{index:04X}] {wrong}")
 
 
 def _wrong(service: _Service, value: Number) -> str:
@@ -297,29 +297,29 @@ def _wrong_of_all(service: _Service, value: Number) -> str:
     return f"gives {said}, which CiA 301 keeps for another service" if said else ""
 
 
-def sdo_types(sheet: RuleContext) -> Iterator[Hit]:
+def sdo_types(context: RuleContext) -> Iterator[Hit]:
     """Yield the hits of C003 for the SDO parameters."""
-    for sub in _sdo_entries(sheet):
+    for sub in _sdo_entries(context):
         kind = SDO_TYPES.get(sub.subindex, sub.data_type)
         if sub.data_type and sub.data_type is not kind:
             text = f"[{sub.index:04X}sub{sub.subindex:X}] is {sub.data_type.name}, CiA 301 has {kind.name}"
-            section = sheet.section_of(sub.index, sub.subindex)
-            yield sheet.at(section, "datatype", text, sub.index, sub.subindex)
+            section = context.section_of(sub.index, sub.subindex)
+            yield context.at(section, "datatype", text, sub.index, sub.subindex)
 
 
-def _sdo_entries(sheet: RuleContext) -> Iterator[Variable]:
-    for index, entry in sheet.eds.objects.items():
+def _sdo_entries(context: RuleContext) -> Iterator[Variable]:
+    for index, entry in context.eds.objects.items():
         if index in SDO_PARAMETERS and entry.is_record:
             yield from entry.subs.values()
 
 
 @finds("C017")
-def sdo_without_ids(sheet: RuleContext) -> Iterator[Hit]:
+def sdo_without_ids(context: RuleContext) -> Iterator[Hit]:
     """C017."""
-    for index, entry in sheet.eds.objects.items():
+    for index, entry in context.eds.objects.items():
         if index not in SDO_PARAMETERS or not entry.is_record or len(entry.subs) < 2:
             continue  # without any sub-index, O008 reports it
         for subindex, what in _SDO_NEEDED.items():
             if subindex not in entry.subs:
                 text = f"[{index:04X}] has no sub-index {subindex}, {what}"
-                yield sheet.at(sheet.heads.get(index), "", text, index, subindex)
+                yield context.at(context.heads.get(index), "", text, index, subindex)

@@ -51,7 +51,7 @@ class Described(NamedTuple):
         return text_of(self.section, key)
 
     @property
-    def says_access(self) -> bool:
+    def has_access(self) -> bool:
         """Whether the file gives a valid access; else an access is assumed, which no rule should check (O003 reports it)."""
         words = self.text("accesstype").lower().split()
         return bool(words) and words[0].rstrip(";") in ACCESS_TYPES
@@ -163,7 +163,7 @@ class RuleContext:
         """Return a hit at the value of ``key``; at the section's line if it has no such key; at line 0 without a section."""
         if section is None:
             return Hit(0, 0, message, index, subindex, severity)
-        line, column = self.document.place(section, key.lower()) if key else (section.line, 1)
+        line, column = self.document.location(section, key.lower()) if key else (section.line, 1)
         return Hit(line, column, message, index, subindex, severity)
 
     def on(self, entry: Described, key: str, message: str, severity: Severity | None = None) -> Hit:
@@ -234,17 +234,19 @@ class RuleContext:
         return None if entry is None else number_of(entry)
 
 
-Look = Callable[[RuleContext], Iterable[Hit]]  # the function of a rule
-LOOKS: dict[str, Look] = {}  # those of all families that were imported, by the id of their rule
+RuleFunction = Callable[[RuleContext], Iterable[Hit]]  # the function of a rule
+RULE_FUNCTIONS: dict[
+    str, RuleFunction
+] = {}  # those of all families that were imported, by the id of their rule
 
 
-def finds(rule: str) -> Callable[[Look], Look]:
+def finds(rule: str) -> Callable[[RuleFunction], RuleFunction]:
     """Mark a function as the one that looks for the breaches of a rule, by the id of the rule; each rule has one."""
 
-    def mark(look: Look) -> Look:
-        if LOOKS.setdefault(rule, look) is not look:
+    def mark(function: RuleFunction) -> RuleFunction:
+        if RULE_FUNCTIONS.setdefault(rule, function) is not function:
             raise ValueError(f"two functions look for {rule}")
-        return look
+        return function
 
     return mark
 

@@ -29,181 +29,181 @@ MAX_COMMENT = 249
 
 
 @finds("D001")
-def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
+def missing_entries(context: RuleContext) -> Iterator[Hit]:
     """D001."""
-    if sheet.device is None:
+    if context.device is None:
         yield Hit(0, 0, "there is no section [DeviceInfo]")
-    yield from sheet.absent(sheet.device, _NEEDED)
+    yield from context.absent(context.device, _NEEDED)
 
 
 @finds("D002")
-def missing_identity(sheet: RuleContext) -> Iterator[Hit]:
+def missing_identity(context: RuleContext) -> Iterator[Hit]:
     """D002."""
-    if sheet.device is None:
+    if context.device is None:
         return
     for name in _IDENTITY:
-        if not text_of(sheet.device, name):
-            what = "is empty" if name.lower() in sheet.device.entries else "is missing"
-            yield _at(sheet, name, f"{name} {what}")
+        if not text_of(context.device, name):
+            what = "is empty" if name.lower() in context.device.entries else "is missing"
+            yield _at(context, name, f"{name} {what}")
 
 
 @finds("D003")
-def zero_identity(sheet: RuleContext) -> Iterator[Hit]:
+def zero_identity(context: RuleContext) -> Iterator[Hit]:
     """D003."""
     for name in ("VendorNumber", "ProductNumber"):
-        if number(sheet.device, name) == 0:
-            yield _at(sheet, name, f"{name} is 0")
+        if number(context.device, name) == 0:
+            yield _at(context, name, f"{name} is 0")
 
 
 @finds("D004")
-def other_identity(sheet: RuleContext) -> Iterator[Hit]:
+def other_identity(context: RuleContext) -> Iterator[Hit]:
     """D004."""
     for subindex, name in enumerate(_IDENTITY, 1):
-        here, there = number(sheet.device, name), sheet.number(0x1018, subindex)
+        here, there = number(context.device, name), context.number(0x1018, subindex)
         if here is not None and there is not None and here != there:
             text = f"{name} is 0x{here:X}, but [1018sub{subindex}] has 0x{there:X}"
-            yield _at(sheet, name, text, 0x1018, subindex)
+            yield _at(context, name, text, 0x1018, subindex)
 
 
 @finds("D009")
-def identity_numbers(sheet: RuleContext) -> Iterator[Hit]:
+def identity_numbers(context: RuleContext) -> Iterator[Hit]:
     """D009."""
-    return sheet.beyond(sheet.device, _IDENTITY, _MAX_U32, "is not an UNSIGNED32")
+    return context.beyond(context.device, _IDENTITY, _MAX_U32, "is not an UNSIGNED32")
 
 
 @finds("D005")
-def flags(sheet: RuleContext) -> Iterator[Hit]:
+def flags(context: RuleContext) -> Iterator[Hit]:
     """D005."""
-    return sheet.flags(sheet.device, _FLAGS)
+    return context.flags(context.device, _FLAGS)
 
 
 @finds("D014")
-def granularity(sheet: RuleContext) -> Iterator[Hit]:
+def granularity(context: RuleContext) -> Iterator[Hit]:
     """D014."""
     what = f"is not in 0 to {_MAX_GRANULARITY}"
-    return sheet.beyond(sheet.device, ["Granularity"], _MAX_GRANULARITY, what)
+    return context.beyond(context.device, ["Granularity"], _MAX_GRANULARITY, what)
 
 
 @finds("D006")
-def pdo_numbers(sheet: RuleContext) -> Iterator[Hit]:
+def pdo_numbers(context: RuleContext) -> Iterator[Hit]:
     """D006."""
     for name, first in (("NrOfRXPDO", 0x1400), ("NrOfTXPDO", 0x1800)):
-        text = text_of(sheet.device, name)
+        text = text_of(context.device, name)
         given = values.plain(text)
         if text and (given is None or given < 0):
-            yield _at(sheet, name, f"{name}={short(text)} is not a number")
+            yield _at(context, name, f"{name}={short(text)} is not a number")
             continue
-        described = sum(first <= entry.index < first + 0x200 for entry in sheet.eds)
+        described = sum(first <= entry.index < first + 0x200 for entry in context.eds)
         if given is not None and given != described:
             yield _at(
-                sheet, name, f"{name} is {given}, but the file describes {described} ({first:04X} and on)"
+                context, name, f"{name} is {given}, but the file describes {described} ({first:04X} and on)"
             )
 
 
 @finds("D007")
-def lengths(sheet: RuleContext) -> Iterator[Hit]:
+def lengths(context: RuleContext) -> Iterator[Hit]:
     """D007."""
-    yield from sheet.overlong(sheet.device, _LENGTHS)
+    yield from context.overlong(context.device, _LENGTHS)
 
 
 @finds("D008")
-def no_baud_rate(sheet: RuleContext) -> Iterator[Hit]:
+def no_baud_rate(context: RuleContext) -> Iterator[Hit]:
     """D008."""
-    if sheet.device is None:
+    if context.device is None:
         return
-    if not any(number(sheet.device, name) for name in _RATES):
-        yield _at(sheet, _RATES[0], "no bit rate is supported, by BaudRate_10 to BaudRate_1000")
+    if not any(number(context.device, name) for name in _RATES):
+        yield _at(context, _RATES[0], "no bit rate is supported, by BaudRate_10 to BaudRate_1000")
 
 
 @finds("D010")
-def baud_rate_values(sheet: RuleContext) -> Iterator[Hit]:
+def baud_rate_values(context: RuleContext) -> Iterator[Hit]:
     """D010."""
-    return sheet.flags(sheet.device, _RATES)
+    return context.flags(context.device, _RATES)
 
 
 @finds("D011")
-def unknown_baud_rates(sheet: RuleContext) -> Iterator[Hit]:
+def unknown_baud_rates(context: RuleContext) -> Iterator[Hit]:
     """D011."""
     known = {name.lower() for name in _RATES}
 
-    for key in sheet.device.entries if sheet.device is not None else ():
+    for key in context.device.entries if context.device is not None else ():
         found = _RATE.match(key)
         if found and key not in known:
             yield _at(
-                sheet, key, f"a bit rate of {short(found[1]) or 'no number'} is not a bit rate of CiA 301"
+                context, key, f"a bit rate of {short(found[1]) or 'no number'} is not a bit rate of CiA 301"
             )
 
 
 @finds("D012")
-def baud_rate_letters(sheet: RuleContext) -> Iterator[Hit]:
+def baud_rate_letters(context: RuleContext) -> Iterator[Hit]:
     """D012."""
-    if sheet.device is None:
+    if context.device is None:
         return
     for name in _RATES:
-        if name.lower() in sheet.device.entries:
-            line, _ = sheet.document.place(sheet.device, name.lower())
-            if not _RATE_AS_PRINTED.match(sheet.document.lines[line - 1]):
-                written = sheet.document.lines[line - 1].partition("=")[0].strip()
+        if name.lower() in context.device.entries:
+            line, _ = context.document.location(context.device, name.lower())
+            if not _RATE_AS_PRINTED.match(context.document.lines[line - 1]):
+                written = context.document.lines[line - 1].partition("=")[0].strip()
                 yield Hit(line, 1, f"{short(written)} is written {name} in the standard")
                 return
 
 
 @finds("D013")
-def dynamic_channels(sheet: RuleContext) -> Iterator[Hit]:
+def dynamic_channels(context: RuleContext) -> Iterator[Hit]:
     """D013."""
-    supported = number(sheet.device, "dynamicchannelssupported")
-    if supported and sheet.section("dynamicchannels") is None:
+    supported = number(context.device, "dynamicchannelssupported")
+    if supported and context.section("dynamicchannels") is None:
         text = "DynamicChannelsSupported is set, but there is no section [DynamicChannels]"
-        yield _at(sheet, "dynamicchannelssupported", text)
+        yield _at(context, "dynamicchannelssupported", text)
 
 
 @finds("D015")
-def compact_pdo(sheet: RuleContext) -> Iterator[Hit]:
+def compact_pdo(context: RuleContext) -> Iterator[Hit]:
     """D015."""
     what = "is not a mask of the sub-indices 1 to 6"
-    return sheet.beyond(sheet.device, ["CompactPDO"], _COMPACT_PARTS, what)
+    return context.beyond(context.device, ["CompactPDO"], _COMPACT_PARTS, what)
 
 
 @finds("D016")
-def dummy_usage(sheet: RuleContext) -> Iterator[Hit]:
+def dummy_usage(context: RuleContext) -> Iterator[Hit]:
     """D016."""
-    section = sheet.section("dummyusage")
+    section = context.section("dummyusage")
     for key, text in section.entries.items() if section is not None else ():
         if not _DUMMY.fullmatch(key):
-            yield sheet.at(
+            yield context.at(
                 section, key, f"[DummyUsage] has no key {short(key)!r}: Dummy and four digits are meant"
             )
         elif values.plain(text) not in (0, 1):
-            yield sheet.at(section, key, f"{key.capitalize()}={short(text)} is neither 0 nor 1")
+            yield context.at(section, key, f"{key.capitalize()}={short(text)} is neither 0 nor 1")
 
 
 @finds("D019")
-def dummies_left_out(sheet: RuleContext) -> Iterator[Hit]:
+def dummies_left_out(context: RuleContext) -> Iterator[Hit]:
     """D019."""
-    section = sheet.section("dummyusage")
+    section = context.section("dummyusage")
     if section is not None and all(_DUMMY.fullmatch(key) for key in section.entries):
-        yield from sheet.absent(section, [f"Dummy{number:04X}" for number in DUMMIES])
+        yield from context.absent(section, [f"Dummy{number:04X}" for number in DUMMIES])
 
 
 @finds("D017")
-def comment_count(sheet: RuleContext) -> Iterator[Hit]:
+def comment_count(context: RuleContext) -> Iterator[Hit]:
     """D017."""
-    section = sheet.section("comments")
+    section = context.section("comments")
     if section is None:
         return
     lines = sum(1 for key in section.entries if _COMMENT_LINE.fullmatch(key))
     given = section.entries.get("lines", "")
     if values.plain(given) != lines:
-        yield sheet.at(section, "lines", f"[Comments] says Lines={short(given)}, but has {lines}")
+        yield context.at(section, "lines", f"[Comments] says Lines={short(given)}, but has {lines}")
 
 
 @finds("D018")
-def comment_length(sheet: RuleContext) -> Iterator[Hit]:
+def comment_length(context: RuleContext) -> Iterator[Hit]:
     """D018."""
-    section = sheet.section("comments")
+    section = context.section("comments")
     for key, text in section.entries.items() if section is not None else ():
         if len(text) > MAX_COMMENT:
-            yield sheet.at(
+            yield context.at(
                 section,
                 key,
                 f"the comment has {counted(len(text), 'character')}, at most {MAX_COMMENT} are allowed",
@@ -211,6 +211,6 @@ def comment_length(sheet: RuleContext) -> Iterator[Hit]:
 
 
 def _at(
-    sheet: RuleContext, key: str, message: str, index: int | None = None, subindex: int | None = None
+    context: RuleContext, key: str, message: str, index: int | None = None, subindex: int | None = None
 ) -> Hit:
-    return sheet.at(sheet.device, key, message, index, subindex)
+    return context.at(context.device, key, message, index, subindex)

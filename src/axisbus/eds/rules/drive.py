@@ -17,7 +17,7 @@ from axisbus.eds.rules.context import RuleContext
 _M = ModeOfOperation
 
 # Objects that belong to one mode of operation, or to one and its cyclic counterpart: without any of them, the mode is not intended.
-OWN: Mapping[ModeOfOperation, tuple[int, ...]] = {
+MODE_OBJECTS: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.TARGET_POSITION, o.PROFILE_VELOCITY),
     _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
     _M.PROFILE_VELOCITY: (o.TARGET_VELOCITY, o.PROFILE_ACCELERATION, 0x606D, 0x606F, 0x60F8),
@@ -30,7 +30,7 @@ OWN: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.CYCLIC_SYNC_TORQUE_ANGLE: (0x60EA,),
 }
 # Objects that belong to only one mode, without a cyclic counterpart.
-ALONE: Mapping[ModeOfOperation, tuple[int, ...]] = {
+REQUIRED_OBJECTS: Mapping[ModeOfOperation, tuple[int, ...]] = {
     _M.PROFILE_POSITION: (o.PROFILE_VELOCITY,),
     _M.VELOCITY: (0x6042, 0x6043, 0x6044, 0x6046, 0x6048),
     _M.PROFILE_TORQUE: (o.TORQUE_SLOPE,),
@@ -67,51 +67,53 @@ class EdsAxis:
         return index in indices_of(self.number)
 
 
-def axes(sheet: RuleContext) -> tuple[EdsAxis, ...]:
+def axes(context: RuleContext) -> tuple[EdsAxis, ...]:
     """Return the axes that the file describes; none if the device is no drive."""
-    found = tuple(axis for axis in map(EdsAxis, range(1, COUNT + 1)) if _is_axis(sheet, axis))
-    return found or ((EdsAxis(1),) if says_drive(sheet) else ())
+    found = tuple(axis for axis in map(EdsAxis, range(1, COUNT + 1)) if _is_axis(context, axis))
+    return found or ((EdsAxis(1),) if declares_drive(context) else ())
 
 
-def row(sheet: RuleContext, index: int, subindex: int) -> StandardObject | None:
+def row(context: RuleContext, index: int, subindex: int) -> StandardObject | None:
     """Return the standard's row for an entry; rows of CiA 402 only if the file describes the axis of the entry."""
-    if index < PROFILE_AREA.start or any(axis.owns(index) for axis in axes(sheet)):
+    if index < PROFILE_AREA.start or any(axis.owns(index) for axis in axes(context)):
         return standard.row(index, subindex)
     return None
 
 
-def says_drive(sheet: RuleContext) -> bool:
+def declares_drive(context: RuleContext) -> bool:
     """Whether the device type is that of a drive."""
-    device_type = sheet.number(DEVICE_TYPE)
+    device_type = context.number(DEVICE_TYPE)
     return device_type is not None and device_type & 0xFFFF == o.PROFILE_NUMBER
 
 
-def _is_axis(sheet: RuleContext, axis: EdsAxis) -> bool:
+def _is_axis(context: RuleContext, axis: EdsAxis) -> bool:
     """Whether the file has the objects that every drive has; other profiles use some of these indices."""
     there = [
-        axis.offset + index in sheet.eds for index in (o.CONTROLWORD, o.STATUSWORD, o.MODES_OF_OPERATION)
+        axis.offset + index in context.eds for index in (o.CONTROLWORD, o.STATUSWORD, o.MODES_OF_OPERATION)
     ]
-    return all(there) or (says_drive(sheet) and any(there))
+    return all(there) or (declares_drive(context) and any(there))
 
 
-def claimed(sheet: RuleContext, axis: EdsAxis) -> tuple[ModeOfOperation, ...] | None:
+def claimed(context: RuleContext, axis: EdsAxis) -> tuple[ModeOfOperation, ...] | None:
     """Return the modes that 6502h lists, None if the file gives it no value."""
-    word = sheet.number(axis.offset + o.SUPPORTED_DRIVE_MODES)
+    word = context.number(axis.offset + o.SUPPORTED_DRIVE_MODES)
     return None if word is None else tuple(modes.supported(word))
 
 
-def shown(sheet: RuleContext, axis: EdsAxis) -> tuple[ModeOfOperation, ...]:
+def shown(context: RuleContext, axis: EdsAxis) -> tuple[ModeOfOperation, ...]:
     """Return the modes (without the cyclic ones) of which all mandatory objects are described."""
     return tuple(
-        mode for mode, needed in SHOWING.items() if all(axis.offset + index in sheet.eds for index in needed)
+        mode
+        for mode, needed in SHOWING.items()
+        if all(axis.offset + index in context.eds for index in needed)
     )
 
 
-def missing(sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> tuple[int, ...]:
+def missing(context: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> tuple[int, ...]:
     """Return the mandatory objects of a mode (indices on the first axis) that the file does not describe."""
-    return tuple(index for index in FACTS[mode].required if axis.offset + index not in sheet.eds)
+    return tuple(index for index in FACTS[mode].required if axis.offset + index not in context.eds)
 
 
-def meant(sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> bool:
+def meant(context: RuleContext, axis: EdsAxis, mode: ModeOfOperation) -> bool:
     """Whether at least one object that belongs to the mode is described."""
-    return any(axis.offset + index in sheet.eds for index in OWN[mode])
+    return any(axis.offset + index in context.eds for index in MODE_OBJECTS[mode])

@@ -34,7 +34,7 @@ from axisbus.eds.rules import (
     text,
     truncated_file,
 )
-from axisbus.eds.rules.context import LOOKS, Hit, RuleContext
+from axisbus.eds.rules.context import RULE_FUNCTIONS, Hit, RuleContext
 from axisbus.eds.rules.table import Rule, rules
 from axisbus.errors import EdsError
 from axisbus.wording import counted
@@ -55,11 +55,11 @@ def check(reading: EdsParseResult, wanted: Callable[[str], bool]) -> tuple[EdsFi
 
     All rules are run, even unwanted ones: a consequence of a finding is left out even if that finding is not shown.
     """
-    sheet = RuleContext(reading)
+    context = RuleContext(reading)
     found = list(reading.eds.findings)
-    for rule, look in LOOKS.items():
-        found += _findings(rules()[rule], look(sheet))
-    return tuple(sorted((each for each in causes(sheet, found) if wanted(each.rule)), key=_place))
+    for rule, function in RULE_FUNCTIONS.items():
+        found += _findings(rules()[rule], function(context))
+    return tuple(sorted((each for each in causes(context, found) if wanted(each.rule)), key=_place))
 
 
 def _findings(rule: Rule, hits: Iterable[Hit]) -> Iterator[EdsFinding]:
@@ -125,19 +125,19 @@ _MISSING = frozenset(  # findings at the header of the section with the misspelt
 _MIXED, _IDENTITY = "O026", "D004"
 
 
-def causes(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
+def causes(context: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
     """Return the findings without consequences of other findings."""
-    whole = truncated_file.without_consequences(sheet, found)
-    every = [_JUDGED[each.rule](sheet, each) if each.rule in _JUDGED else each for each in whole]
+    whole = truncated_file.without_consequences(context, found)
+    every = [_JUDGED[each.rule](context, each) if each.rule in _JUDGED else each for each in whole]
     typed = {(each.index, each.subindex) for each in every if each.rule in _WRONG_TYPE}
     mixed = {index for index, subindex in typed if subindex}  # an ARRAY with one wrong type has two types
     explained = {(rule, each.index) for each in every for rule in _EXPLAINS.get(each.rule, ())}
-    misspelt = {_header(sheet, each.line) for each in every if each.rule == _MISSPELT}
+    misspelt = {_header(context, each.line) for each in every if each.rule == _MISSPELT}
     shaped = {each.index: each.line for each in every if each.rule in _WRONG_SHAPE}
     return [
         each
         for each in every
-        if not (each.rule in _OF_A_VALUE and (each.index, each.subindex) in typed and _right(sheet, each))
+        if not (each.rule in _OF_A_VALUE and (each.index, each.subindex) in typed and _right(context, each))
         and (each.rule, each.index) not in explained
         and not (each.rule in _MISSING and each.line in misspelt)
         and not (each.rule == _MIXED and each.index in mixed)
@@ -145,24 +145,24 @@ def causes(sheet: RuleContext, found: Iterable[EdsFinding]) -> list[EdsFinding]:
     ]
 
 
-def _header(sheet: RuleContext, line: int) -> int:
+def _header(context: RuleContext, line: int) -> int:
     """Return the line of the section that contains a line, 0 if there is none."""
-    return sheet.starts[bisect_right(sheet.starts, line) - 1]
+    return context.starts[bisect_right(context.starts, line) - 1]
 
 
-def _right(sheet: RuleContext, finding: EdsFinding) -> bool:
+def _right(context: RuleContext, finding: EdsFinding) -> bool:
     """Whether the value of a finding would be valid if the data type were the standard's."""
-    kinds = _standard_types(sheet, finding.index or 0, finding.subindex or 0)
+    kinds = _standard_types(context, finding.index or 0, finding.subindex or 0)
     if not finding.line or not kinds:
         return False
-    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    _, text = entry_of(context.document.lines[finding.line - 1])
     return finding.rule == _IDENTITY or any(
         entry_values.parse(text, kind).value is not None for kind in kinds
     )
 
 
-def _standard_types(sheet: RuleContext, index: int, subindex: int) -> tuple[DataType, ...]:
-    entry = sheet.eds.objects.get(index)
+def _standard_types(context: RuleContext, index: int, subindex: int) -> tuple[DataType, ...]:
+    entry = context.eds.objects.get(index)
     if subindex == 0 and entry is not None and entry.is_record:
         return (records.type_of_count(index),)
     if o.is_pdo_parameter(index):
@@ -173,29 +173,29 @@ def _standard_types(sheet: RuleContext, index: int, subindex: int) -> tuple[Data
     return row.data_types if row is not None else ()
 
 
-def _blamed(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
+def _blamed(context: RuleContext, finding: EdsFinding) -> EdsFinding:
     """Return the finding of crossed limits at HighLimit, if that is the limit that contradicts the default (else 0)."""
-    section = sheet.section_of(finding.index or 0, finding.subindex or 0)
-    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    section = context.section_of(finding.index or 0, finding.subindex or 0)
+    entry = context.eds.get(finding.index or 0, finding.subindex or 0)
     if section is None or entry is None:
         return finding
     low = entry_values.plain(section.entries.get("lowlimit", ""))
     default = entry.default.value if isinstance(entry.default, Number) else 0
     if low is None or default < low:
         return finding
-    line, column = sheet.document.place(section, "highlimit")
+    line, column = context.document.location(section, "highlimit")
     return replace(finding, line=line, column=column)
 
 
-def _letters(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
+def _letters(context: RuleContext, finding: EdsFinding) -> EdsFinding:
     """Return the finding of a formula as a note if only the case of $NODEID is wrong, which most tools accept."""
-    _, text = entry_of(sheet.document.lines[finding.line - 1])
+    _, text = entry_of(context.document.lines[finding.line - 1])
     return replace(finding, severity=Severity.NOTE) if text.startswith("$") else finding
 
 
-def _time(sheet: RuleContext, finding: EdsFinding) -> EdsFinding:
+def _time(context: RuleContext, finding: EdsFinding) -> EdsFinding:
     """Return the finding of an unknown time as a note: DS 306 does not define the notation of times."""
-    entry = sheet.eds.get(finding.index or 0, finding.subindex or 0)
+    entry = context.eds.get(finding.index or 0, finding.subindex or 0)
     if entry is None or entry.data_type not in (DataType.TIME_OF_DAY, DataType.TIME_DIFFERENCE):
         return finding
     return replace(finding, severity=Severity.NOTE)

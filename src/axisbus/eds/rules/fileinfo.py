@@ -25,101 +25,101 @@ _DATES = ("CreationDate", "ModificationDate")
 
 
 @finds("F001")
-def missing_entries(sheet: RuleContext) -> Iterator[Hit]:
+def missing_entries(context: RuleContext) -> Iterator[Hit]:
     """F001."""
-    if sheet.file_info is None:
+    if context.file_info is None:
         yield Hit(0, 0, "there is no section [FileInfo]")
-    yield from sheet.absent(sheet.file_info, _NEEDED)
+    yield from context.absent(context.file_info, _NEEDED)
 
 
 @finds("F011")
-def usual_entries(sheet: RuleContext) -> Iterator[Hit]:
+def usual_entries(context: RuleContext) -> Iterator[Hit]:
     """F011."""
-    yield from sheet.absent(sheet.file_info, _USUAL)
+    yield from context.absent(context.file_info, _USUAL)
 
 
 @finds("F002")
-def other_name(sheet: RuleContext) -> Iterator[Hit]:
+def other_name(context: RuleContext) -> Iterator[Hit]:
     """F002."""
-    given = _entry(sheet, "filename")
-    actual = PurePath(sheet.eds.source).name
+    given = _entry(context, "filename")
+    actual = PurePath(context.eds.source).name
     named = PureWindowsPath(given).name  # accepts both kinds of slashes
     if named and actual and named.lower() != actual.lower():
-        yield _at(sheet, "filename", f"FileName={short(given)}, but the file is {actual}")
+        yield _at(context, "filename", f"FileName={short(given)}, but the file is {actual}")
 
 
 @finds("F010")
-def absolute_name(sheet: RuleContext) -> Iterator[Hit]:
+def absolute_name(context: RuleContext) -> Iterator[Hit]:
     """F010."""
-    given = _entry(sheet, "filename")
+    given = _entry(context, "filename")
     if _ABSOLUTE.match(given):
-        yield _at(sheet, "filename", f"FileName={short(given)} is a path of the computer it was written on")
+        yield _at(context, "filename", f"FileName={short(given)} is a path of the computer it was written on")
 
 
 @finds("F003")
-def version_numbers(sheet: RuleContext) -> Iterator[Hit]:
+def version_numbers(context: RuleContext) -> Iterator[Hit]:
     """F003."""
-    return sheet.beyond(sheet.file_info, ("FileVersion", "FileRevision"), 0xFF, "is not an UNSIGNED8")
+    return context.beyond(context.file_info, ("FileVersion", "FileRevision"), 0xFF, "is not an UNSIGNED8")
 
 
 @finds("F004")
-def dates(sheet: RuleContext) -> Iterator[Hit]:
+def dates(context: RuleContext) -> Iterator[Hit]:
     """F004."""
     for name in _DATES:
-        given = _entry(sheet, name)
+        given = _entry(context, name)
         if given and _date(given) is None:
-            yield _at(sheet, name, f"{name}={short(given)} is not a date of the form mm-dd-yyyy")
+            yield _at(context, name, f"{name}={short(given)} is not a date of the form mm-dd-yyyy")
 
 
 @finds("F005")
-def times(sheet: RuleContext) -> Iterator[Hit]:
+def times(context: RuleContext) -> Iterator[Hit]:
     """F005."""
     for name in _TIMES:
-        given = _entry(sheet, name)
+        given = _entry(context, name)
         if given and not _TIME.fullmatch(given):
-            yield _at(sheet, name, f"{name}={short(given)} is not a time of the form hh:mm(AM|PM)")
+            yield _at(context, name, f"{name}={short(given)} is not a time of the form hh:mm(AM|PM)")
 
 
 @finds("F006")
-def lengths(sheet: RuleContext) -> Iterator[Hit]:
+def lengths(context: RuleContext) -> Iterator[Hit]:
     """F006."""
-    yield from sheet.overlong(sheet.file_info, _LENGTHS)
+    yield from context.overlong(context.file_info, _LENGTHS)
 
 
 @finds("F007")
-def order_of_dates(sheet: RuleContext) -> Iterator[Hit]:
+def order_of_dates(context: RuleContext) -> Iterator[Hit]:
     """F007."""
-    created, modified = (_date(_entry(sheet, key)) for key in _DATES)
+    created, modified = (_date(_entry(context, key)) for key in _DATES)
     if created is not None and modified is not None and modified < created:
         yield _at(
-            sheet, "modificationdate", f"the modification of {modified} is before the creation of {created}"
+            context, "modificationdate", f"the modification of {modified} is before the creation of {created}"
         )
 
 
 @finds("F008")
-def origin(sheet: RuleContext) -> Iterator[Hit]:
+def origin(context: RuleContext) -> Iterator[Hit]:
     """F008."""
-    section = sheet.file_info
-    if sheet.is_dcf and section is not None and not section.entries.get("lasteds"):
-        yield sheet.at(
+    section = context.file_info
+    if context.is_dcf and section is not None and not section.entries.get("lasteds"):
+        yield context.at(
             section, "lasteds", f"[{section.name}] does not name the EDS from which the DCF was made"
         )
 
 
 @finds("F009")
-def eds_version(sheet: RuleContext) -> Iterator[Hit]:
+def eds_version(context: RuleContext) -> Iterator[Hit]:
     """F009."""
-    given = _entry(sheet, "edsversion")
+    given = _entry(context, "edsversion")
     if given and not _VERSION.fullmatch(given):
-        yield _at(sheet, "edsversion", f"EDSVersion={short(given)} is not a version of the format")
+        yield _at(context, "edsversion", f"EDSVersion={short(given)} is not a version of the format")
 
 
-def _entry(sheet: RuleContext, key: str) -> str:
-    return text_of(sheet.file_info, key)
+def _entry(context: RuleContext, key: str) -> str:
+    return text_of(context.file_info, key)
 
 
-def _at(sheet: RuleContext, key: str, message: str) -> Hit:
-    return sheet.at(sheet.file_info, key, message)
+def _at(context: RuleContext, key: str, message: str) -> Hit:
+    return context.at(context.file_info, key, message)
 
 
 def _date(text: str) -> date | None:

@@ -22,132 +22,138 @@ class Listed(NamedTuple):
 
 
 @finds("L001")
-def missing_lists(sheet: RuleContext) -> Iterator[Hit]:
+def missing_lists(context: RuleContext) -> Iterator[Hit]:
     """L001."""
     for name, spelled in LISTS.items():
-        section = sheet.section(name)
+        section = context.section(name)
         if section is None:
-            example = next((index for index in sheet.heads if list_of(index) == name), None)
+            example = next((index for index in context.heads if list_of(index) == name), None)
             if example is not None:
-                yield sheet.at(
-                    sheet.heads[example],
+                yield context.at(
+                    context.heads[example],
                     "",
                     f"there is no section [{spelled}], though [{example:04X}] belongs there",
                 )
         elif "supportedobjects" not in section.entries:
-            yield sheet.at(section, "", f"[{section.name}] has no SupportedObjects")
+            yield context.at(section, "", f"[{section.name}] has no SupportedObjects")
 
 
 @finds("L003")
-def counts(sheet: RuleContext) -> Iterator[Hit]:
+def counts(context: RuleContext) -> Iterator[Hit]:
     """L003."""
-    for section in _lists(sheet):
+    for section in _lists(context):
         given = section.entries.get("supportedobjects")
         entries = list(_entries(section))
-        there = len(entries)
-        if given is None or values.plain(given) == there or (entries and given == entries[-1].key):
+        present = len(entries)
+        if given is None or values.plain(given) == present or (entries and given == entries[-1].key):
             continue  # the last number is right, but one before it is missing: L004
-        text = f"[{section.name}] says SupportedObjects={short(given)}, but names {counted(there, 'object')}"
-        yield sheet.at(section, "supportedobjects", text)
+        text = (
+            f"[{section.name}] says SupportedObjects={short(given)}, but names {counted(present, 'object')}"
+        )
+        yield context.at(section, "supportedobjects", text)
 
 
 @finds("L004")
-def numbering(sheet: RuleContext) -> Iterator[Hit]:
+def numbering(context: RuleContext) -> Iterator[Hit]:
     """L004."""
-    for section in _lists(sheet):
+    for section in _lists(context):
         for expected, listed in enumerate(_entries(section), 1):
             if listed.key != str(expected):
                 text = f"[{section.name}] continues with {short(listed.key)!r}, but {expected} is expected"
-                yield _at_key(sheet, listed, text)
+                yield _at_key(context, listed, text)
                 break
 
 
 @finds("L009")
-def no_objects(sheet: RuleContext) -> Iterator[Hit]:
+def no_objects(context: RuleContext) -> Iterator[Hit]:
     """L009."""
-    for listed in _all(sheet):
+    for listed in _all(context):
         if listed.target is None:
             text = f"[{listed.section.name}] {listed.key}={short(listed.text)} is not an index of an object"
-            yield sheet.at(listed.section, listed.key, text)
+            yield context.at(listed.section, listed.key, text)
 
 
 @finds("L005")
-def not_described(sheet: RuleContext) -> Iterator[Hit]:
+def not_described(context: RuleContext) -> Iterator[Hit]:
     """L005."""
-    for section in _lists(sheet):
-        unlisted = _unlisted(sheet, section)
-        meant = f"; {unlisted[0]:04X} may be meant" if len(unlisted) == 1 == _slips(sheet, section) else ""
+    for section in _lists(context):
+        unlisted = _unlisted(context, section)
+        hint = (
+            f"; {unlisted[0]:04X} may be meant"
+            if len(unlisted) == 1 == _misspelt_count(context, section)
+            else ""
+        )
         for listed in _entries(section):
-            if listed.target is not None and listed.target not in sheet.eds:
+            if listed.target is not None and listed.target not in context.eds:
                 text = f"[{section.name}] names {listed.target:04X}, but there is no section [{listed.target:04X}]"
-                yield sheet.at(section, listed.key, text + meant, listed.target)
+                yield context.at(section, listed.key, text + hint, listed.target)
 
 
 @finds("L006")
-def not_listed(sheet: RuleContext) -> Iterator[Hit]:
+def not_listed(context: RuleContext) -> Iterator[Hit]:
     """L006."""
-    for section in _lists(sheet):
-        unlisted = _unlisted(sheet, section)
-        if len(unlisted) == 1 == _slips(sheet, section):
+    for section in _lists(context):
+        unlisted = _unlisted(context, section)
+        if len(unlisted) == 1 == _misspelt_count(context, section):
             continue  # the one wrong entry of the list is the cause; L005, L007 or L009 reports it
         for index in unlisted:
-            head = sheet.heads[index]
-            yield sheet.at(head, "", f"[{head.name}] is described, but in no list of objects", index)
+            head = context.heads[index]
+            yield context.at(head, "", f"[{head.name}] is described, but in no list of objects", index)
 
 
-def _unlisted(sheet: RuleContext, section: Section) -> list[int]:
+def _unlisted(context: RuleContext, section: Section) -> list[int]:
     """Return the objects that belong in a list, but are in none."""
-    listed = {each.target for each in _all(sheet)}
+    listed = {each.target for each in _all(context)}
     name = section.name.lower()
     return [
         index
-        for index in sheet.heads
+        for index in context.heads
         if index >= FIRST_OBJECT and index not in listed and list_of(index) == name
     ]
 
 
-def _slips(sheet: RuleContext, section: Section) -> int:
+def _misspelt_count(context: RuleContext, section: Section) -> int:
     """Return the number of entries that are no object of the file, or that repeat an earlier entry."""
     seen: set[int] = set()
-    slips = 0
+    misspelt = 0
     for listed in _entries(section):
-        if listed.target is None or listed.target in seen or listed.target not in sheet.eds:
-            slips += 1
+        if listed.target is None or listed.target in seen or listed.target not in context.eds:
+            misspelt += 1
         else:
             seen.add(listed.target)
-    return slips
+    return misspelt
 
 
 @finds("L007")
-def listed_twice(sheet: RuleContext) -> Iterator[Hit]:
+def listed_twice(context: RuleContext) -> Iterator[Hit]:
     """L007."""
     first: dict[int, Listed] = {}
-    for listed in _all(sheet):
+    for listed in _all(context):
         if listed.target is None:
             continue
         before = first.setdefault(listed.target, listed)
         if before is not listed:
-            line, _ = sheet.document.place(before.section, before.key)
+            line, _ = context.document.location(before.section, before.key)
             text = f"{listed.target:04X} is in a list already, in line {line}"
-            yield sheet.at(listed.section, listed.key, text, listed.target)
+            yield context.at(listed.section, listed.key, text, listed.target)
 
 
 @finds("L008")
-def wrong_list(sheet: RuleContext) -> Iterator[Hit]:
+def wrong_list(context: RuleContext) -> Iterator[Hit]:
     """L008."""
-    for listed in _all(sheet):
+    for listed in _all(context):
         name = listed.section.name.lower()
         if listed.target is None or name == "mandatoryobjects":
             continue  # a profile or a maker may define more mandatory objects
         proper = list_of(listed.target)
         if proper != name:
             text = f"{listed.target:04X} is in [{listed.section.name}], it belongs to [{LISTS[proper]}]"
-            yield sheet.at(listed.section, listed.key, text, listed.target)
+            yield context.at(listed.section, listed.key, text, listed.target)
 
 
-def _lists(sheet: RuleContext) -> Iterator[Section]:
+def _lists(context: RuleContext) -> Iterator[Section]:
     for name in LISTS:
-        section = sheet.section(name)
+        section = context.section(name)
         if section is not None:
             yield section
 
@@ -159,13 +165,13 @@ def _entries(section: Section) -> Iterator[Listed]:
             yield Listed(section, key, text, index if index is not None and 0 < index <= 0xFFFF else None)
 
 
-def _all(sheet: RuleContext) -> Iterator[Listed]:
-    for section in _lists(sheet):
+def _all(context: RuleContext) -> Iterator[Listed]:
+    for section in _lists(context):
         yield from _entries(section)
 
 
-def _at_key(sheet: RuleContext, listed: Listed, message: str) -> Hit:
-    line, _ = sheet.document.place(listed.section, listed.key)
+def _at_key(context: RuleContext, listed: Listed, message: str) -> Hit:
+    line, _ = context.document.location(listed.section, listed.key)
     return Hit(line, 1, message, listed.target)
 
 
@@ -176,40 +182,40 @@ _LINKS = "objectlinks"
 
 
 @finds("B001")
-def both_forms(sheet: RuleContext) -> Iterator[Hit]:
+def both_forms(context: RuleContext) -> Iterator[Hit]:
     """B001."""
-    for index, head in sheet.heads.items():
+    for index, head in context.heads.items():
         count = values.plain(head.entries.get("compactsubobj", ""))
         if count and values.plain(head.entries.get("subnumber", "")):
-            which = "; its sub-indices are described one by one" if index in sheet.subs else ""
+            which = "; its sub-indices are described one by one" if index in context.subs else ""
             text = f"[{head.name}] has SubNumber beside CompactSubObj={count}{which}"
-            yield sheet.at(head, "subnumber", text, index)
+            yield context.at(head, "subnumber", text, index)
 
 
 @finds("B002")
-def compact_counts(sheet: RuleContext) -> Iterator[Hit]:
+def compact_counts(context: RuleContext) -> Iterator[Hit]:
     """B002."""
-    for (index, kind), section in sheet.reading.parts.beside.items():
+    for (index, kind), section in context.reading.parts.list_sections.items():
         if kind in _COUNTED:
-            yield from sheet.miscounted(section, "NrOfEntries", index)
+            yield from context.miscounted(section, "NrOfEntries", index)
 
 
 @finds("B003")
-def link_counts(sheet: RuleContext) -> Iterator[Hit]:
+def link_counts(context: RuleContext) -> Iterator[Hit]:
     """B003."""
-    for (index, kind), section in sheet.reading.parts.beside.items():
+    for (index, kind), section in context.reading.parts.list_sections.items():
         if kind == _LINKS:
-            yield from sheet.miscounted(section, "ObjectLinks", index)
+            yield from context.miscounted(section, "ObjectLinks", index)
 
 
 @finds("B004")
-def link_targets(sheet: RuleContext) -> Iterator[Hit]:
+def link_targets(context: RuleContext) -> Iterator[Hit]:
     """B004."""
-    for (index, kind), section in sheet.reading.parts.beside.items():
+    for (index, kind), section in context.reading.parts.list_sections.items():
         for key, text in section.entries.items() if kind == _LINKS else ():
             target = values.plain(text)
-            if key[:1].isdigit() and target not in sheet.eds.objects:
-                yield sheet.at(
+            if key[:1].isdigit() and target not in context.eds.objects:
+                yield context.at(
                     section,
                     key,
                     f"[{section.name}] links to {short(text)}, which the file does not describe",
@@ -218,22 +224,22 @@ def link_targets(sheet: RuleContext) -> Iterator[Hit]:
 
 
 @finds("O013")
-def names_beyond(sheet: RuleContext) -> Iterator[Hit]:
+def names_beyond(context: RuleContext) -> Iterator[Hit]:
     """O013, for names; the reader reports it for values and denotations."""
-    for (index, kind), section in sheet.reading.parts.beside.items():
-        head = sheet.heads.get(index)
+    for (index, kind), section in context.reading.parts.list_sections.items():
+        head = context.heads.get(index)
         count = values.plain(head.entries.get("compactsubobj", "")) if head is not None else None
         for key in section.entries if kind == "name" and count else ():
             number = values.plain(key)
             if key != "nrofentries" and (number is None or number > (count or 0)):
-                yield sheet.at(section, key, f"[{section.name}] names sub-index {short(key, 20)}", index)
+                yield context.at(section, key, f"[{section.name}] names sub-index {short(key, 20)}", index)
 
 
 @finds("B005")
-def foreign_lists(sheet: RuleContext) -> Iterator[Hit]:
+def foreign_lists(context: RuleContext) -> Iterator[Hit]:
     """B005."""
-    for (index, _), section in sheet.reading.parts.beside.items():
-        if index not in sheet.heads:
-            yield sheet.at(
+    for (index, _), section in context.reading.parts.list_sections.items():
+        if index not in context.heads:
+            yield context.at(
                 section, "", f"[{section.name}] belongs to [{index:04X}], which is not there", index
             )

@@ -11,7 +11,17 @@ from axisbus.cia402.homing import METHODS
 from axisbus.cia402.modes import FACTS, ModeOfOperation, short
 from axisbus.eds.model import Severity
 from axisbus.eds.rules.context import Hit, RuleContext, finds, start_key
-from axisbus.eds.rules.drive import ALONE, TARGETS, EdsAxis, axes, claimed, meant, missing, says_drive, shown
+from axisbus.eds.rules.drive import (
+    REQUIRED_OBJECTS,
+    TARGETS,
+    EdsAxis,
+    axes,
+    claimed,
+    declares_drive,
+    meant,
+    missing,
+    shown,
+)
 from axisbus.wording import counted
 
 _M = ModeOfOperation
@@ -33,193 +43,205 @@ _SINGLE_DEVICE_TYPE = 0x67FF
 
 
 @finds("M001")
-def no_words(sheet: RuleContext) -> Iterator[Hit]:
+def no_words(context: RuleContext) -> Iterator[Hit]:
     """M001."""
-    for axis in axes(sheet) if says_drive(sheet) else ():
+    for axis in axes(context) if declares_drive(context) else ():
         for index in (o.CONTROLWORD, o.STATUSWORD):
-            if axis.offset + index not in sheet.eds:
-                entry = sheet.eds.get(DEVICE_TYPE)
+            if axis.offset + index not in context.eds:
+                entry = context.eds.get(DEVICE_TYPE)
                 text = f"the device type is that of a drive, but {_named(axis, index)} is missing"
                 key = start_key(entry) if entry is not None else ""
-                yield sheet.at(sheet.heads.get(DEVICE_TYPE), key, text, axis.offset + index)
+                yield context.at(context.heads.get(DEVICE_TYPE), key, text, axis.offset + index)
 
 
 @finds("M001c")
-def missing_objects(sheet: RuleContext) -> Iterator[Hit]:
+def missing_objects(context: RuleContext) -> Iterator[Hit]:
     """M001c."""
-    for axis in axes(sheet):
-        modes = claimed(sheet, axis) or ()
+    for axis in axes(context):
+        modes = claimed(context, axis) or ()
         absent: dict[int, list[ModeOfOperation]] = {}
         for mode in modes:
-            for index in missing(sheet, axis, mode) if meant(sheet, axis, mode) else ():
+            for index in missing(context, axis, mode) if meant(context, axis, mode) else ():
                 absent.setdefault(index, []).append(mode)
         for index, needing in absent.items():
-            text = f"{_claims(sheet, axis, needing)}, but {_named(axis, index)} is missing"
-            yield _at_claim(sheet, axis, text, index, _mild(index))
+            text = f"{_claims(context, axis, needing)}, but {_named(axis, index)} is missing"
+            yield _at_claim(context, axis, text, index, _note_unless_sure(index))
         for index in _ONE_OF_SEVERAL if len(modes) > 1 else ():
-            if axis.offset + index not in sheet.eds:
+            if axis.offset + index not in context.eds:
                 text = f"6502 claims {counted(len(modes), 'mode')}, but {_named(axis, index)} is missing"
-                yield _at_claim(sheet, axis, text, index)
+                yield _at_claim(context, axis, text, index)
 
 
 @finds("M008")
-def empty_claims(sheet: RuleContext) -> Iterator[Hit]:
+def empty_claims(context: RuleContext) -> Iterator[Hit]:
     """M008."""
-    for axis in axes(sheet):
-        for mode in claimed(sheet, axis) or ():
-            if not meant(sheet, axis, mode):
-                absent = ", ".join(_named(axis, index) for index in missing(sheet, axis, mode))
-                text = f"{_claims(sheet, axis, [mode])}, without any object; {absent} would be needed"
-                yield _at_claim(sheet, axis, text)
+    for axis in axes(context):
+        for mode in claimed(context, axis) or ():
+            if not meant(context, axis, mode):
+                absent = ", ".join(_named(axis, index) for index in missing(context, axis, mode))
+                text = f"{_claims(context, axis, [mode])}, without any object; {absent} would be needed"
+                yield _at_claim(context, axis, text)
 
 
 @finds("M009")
-def unclaimed(sheet: RuleContext) -> Iterator[Hit]:
+def unclaimed(context: RuleContext) -> Iterator[Hit]:
     """M009."""
-    for axis in axes(sheet):
-        modes = claimed(sheet, axis)
-        others = [mode for mode in shown(sheet, axis) if modes is not None and mode not in modes]
+    for axis in axes(context):
+        modes = claimed(context, axis)
+        others = [mode for mode in shown(context, axis) if modes is not None and mode not in modes]
         if others:
             names = ", ".join(short(mode) for mode in others)
-            text = f"{_word(sheet, axis)} does not claim {names}, though all mandatory objects are described"
-            yield _at_claim(sheet, axis, text)
+            text = (
+                f"{_word(context, axis)} does not claim {names}, though all mandatory objects are described"
+            )
+            yield _at_claim(context, axis, text)
 
 
 @finds("M006")
-def no_supported_modes(sheet: RuleContext) -> Iterator[Hit]:
+def no_supported_modes(context: RuleContext) -> Iterator[Hit]:
     """M006."""
-    for axis in axes(sheet):
+    for axis in axes(context):
         index = axis.offset + o.SUPPORTED_DRIVE_MODES
-        section = sheet.section_of(index)
-        if claimed(sheet, axis) is not None or (section is not None and section.entries.get("defaultvalue")):
+        section = context.section_of(index)
+        if claimed(context, axis) is not None or (
+            section is not None and section.entries.get("defaultvalue")
+        ):
             continue  # a default that is no number is V001
-        there = index in sheet.eds
-        names = ", ".join(short(mode) for mode in shown(sheet, axis)) or "no mode"
+        there = index in context.eds
+        names = ", ".join(short(mode) for mode in shown(context, axis)) or "no mode"
         what = "has no default" if there else "is missing"
         text = f"6502 on axis {axis.number} {what}: which modes there are is open; the objects show {names}"
-        yield sheet.at(section or sheet.where_missing(index), "", text, index)
+        yield context.at(section or context.where_missing(index), "", text, index)
 
 
 @finds("M018")
-def half_a_mode(sheet: RuleContext) -> Iterator[Hit]:
+def half_a_mode(context: RuleContext) -> Iterator[Hit]:
     """M018."""
-    for axis in axes(sheet):
-        for mode, own in ALONE.items() if claimed(sheet, axis) is None else ():
-            there = [index for index in own if axis.offset + index in sheet.eds]
-            absent = missing(sheet, axis, mode)
+    for axis in axes(context):
+        for mode, own in REQUIRED_OBJECTS.items() if claimed(context, axis) is None else ():
+            there = [index for index in own if axis.offset + index in context.eds]
+            absent = missing(context, axis, mode)
             if there and absent:
                 names = ", ".join(_named(axis, index) for index in absent)
                 first = axis.offset + there[0]
                 text = f"{_named(axis, there[0])} belongs to {short(mode)}, for which {names} would be needed too"
-                yield sheet.at(sheet.heads.get(first), "", text, first)
-        yield from _lonely_targets(sheet, axis) if claimed(sheet, axis) is None else ()
+                yield context.at(context.heads.get(first), "", text, first)
+        yield from _lonely_targets(context, axis) if claimed(context, axis) is None else ()
 
 
-def _lonely_targets(sheet: RuleContext, axis: EdsAxis) -> Iterator[Hit]:
+def _lonely_targets(context: RuleContext, axis: EdsAxis) -> Iterator[Hit]:
     """Yield a hit for each target without a complete mode, unless another object of one of its modes is reported."""
     for target, modes in TARGETS.items():
         there = axis.offset + target
-        lacking = {mode: missing(sheet, axis, mode) for mode in modes}
-        alone = any(axis.offset + index in sheet.eds for mode in modes for index in ALONE.get(mode, ()))
-        if there in sheet.eds and all(lacking.values()) and not alone:
-            wants = "; ".join(
+        lacking = {mode: missing(context, axis, mode) for mode in modes}
+        has_required = any(
+            axis.offset + index in context.eds for mode in modes for index in REQUIRED_OBJECTS.get(mode, ())
+        )
+        if there in context.eds and all(lacking.values()) and not has_required:
+            needed = "; ".join(
                 f"{short(mode)} would need {', '.join(_named(axis, index) for index in absent)} too"
                 for mode, absent in lacking.items()
             )
-            yield sheet.at(sheet.heads.get(there), "", f"{_named(axis, target)} is there, but {wants}", there)
+            yield context.at(
+                context.heads.get(there), "", f"{_named(axis, target)} is there, but {needed}", there
+            )
 
 
 @finds("M010")
-def reserved_bits(sheet: RuleContext) -> Iterator[Hit]:
+def reserved_bits(context: RuleContext) -> Iterator[Hit]:
     """M010."""
-    for axis in axes(sheet):
-        word = sheet.number(axis.offset + o.SUPPORTED_DRIVE_MODES) or 0
+    for axis in axes(context):
+        word = context.number(axis.offset + o.SUPPORTED_DRIVE_MODES) or 0
         if word & _RESERVED_BITS:
             yield _at_claim(
-                sheet, axis, f"{_word(sheet, axis)} has reserved bits: 0x{word & _RESERVED_BITS:04X}"
+                context, axis, f"{_word(context, axis)} has reserved bits: 0x{word & _RESERVED_BITS:04X}"
             )
 
 
 @finds("M011")
-def unsupported_default(sheet: RuleContext) -> Iterator[Hit]:
+def unsupported_default(context: RuleContext) -> Iterator[Hit]:
     """M011."""
-    for axis in axes(sheet):
-        modes = claimed(sheet, axis)
+    for axis in axes(context):
+        modes = claimed(context, axis)
         for index in _ONE_OF_SEVERAL:
-            value = sheet.number(axis.offset + index)
+            value = context.number(axis.offset + index)
             if value is None or value <= _MAKER_OR_NONE:
                 continue
-            wrong = _wrong_mode(sheet, axis, _M(value), modes)
+            wrong = _wrong_mode(context, axis, _M(value), modes)
             if not wrong:
                 continue
             text = f"[{axis.offset + index:04X}] begins in {short(_M(value))}, {wrong}"
-            yield sheet.at_start(axis.offset + index, text)
+            yield context.at_start(axis.offset + index, text)
 
 
 def _wrong_mode(
-    sheet: RuleContext, axis: EdsAxis, mode: ModeOfOperation, claimed: Collection[ModeOfOperation] | None
+    context: RuleContext, axis: EdsAxis, mode: ModeOfOperation, claimed: Collection[ModeOfOperation] | None
 ) -> str:
     """Return the reason why a drive cannot start in a mode, empty if it can."""
     if mode not in FACTS:
         return "a mode that CiA 402 does not have"
     if claimed is not None:
-        return "" if mode in claimed else f"which {_word(sheet, axis)} does not claim"
-    return "" if meant(sheet, axis, mode) else "without any object"
+        return "" if mode in claimed else f"which {_word(context, axis)} does not claim"
+    return "" if meant(context, axis, mode) else "without any object"
 
 
 @finds("M020")
-def no_mode_display(sheet: RuleContext) -> Iterator[Hit]:
+def no_mode_display(context: RuleContext) -> Iterator[Hit]:
     """M020."""
-    for axis in axes(sheet):
+    for axis in axes(context):
         mode, display = (axis.offset + index for index in _ONE_OF_SEVERAL)
-        told = len(claimed(sheet, axis) or ()) > 1  # M001c reports it
-        if mode in sheet.eds and display not in sheet.eds and not told:
+        reported = len(claimed(context, axis) or ()) > 1  # M001c reports it
+        if mode in context.eds and display not in context.eds and not reported:
             here, there = (_named(axis, index) for index in _ONE_OF_SEVERAL)
-            yield sheet.at(sheet.heads.get(mode), "", f"{here} is there without {there}", display)
+            yield context.at(context.heads.get(mode), "", f"{here} is there without {there}", display)
 
 
 @finds("M019")
-def homing_methods(sheet: RuleContext) -> Iterator[Hit]:
+def homing_methods(context: RuleContext) -> Iterator[Hit]:
     """M019."""
-    for axis in axes(sheet):
+    for axis in axes(context):
         index = axis.offset + o.HOMING_METHOD
-        method = sheet.number(index)
+        method = context.number(index)
         if method is not None and method > 0 and method not in METHODS:
-            yield sheet.at_start(index, f"[{index:04X}] is {method}, which is not a homing method of CiA 402")
+            yield context.at_start(
+                index, f"[{index:04X}] is {method}, which is not a homing method of CiA 402"
+            )
 
 
 @finds("M012")
-def usual_objects(sheet: RuleContext) -> Iterator[Hit]:
+def usual_objects(context: RuleContext) -> Iterator[Hit]:
     """M012."""
-    for axis in axes(sheet):
+    for axis in axes(context):
         absent: dict[int, list[ModeOfOperation]] = {}
-        for mode in claimed(sheet, axis) or ():
+        for mode in claimed(context, axis) or ():
             for index in _USUAL.get(mode, ()):
-                if axis.offset + index not in sheet.eds and meant(sheet, axis, mode):
+                if axis.offset + index not in context.eds and meant(context, axis, mode):
                     absent.setdefault(index, []).append(mode)
         for index, needing in absent.items():
-            text = f"{_claims(sheet, axis, needing)}; {_named(axis, index)}, which belongs to it, is missing"
-            yield _at_claim(sheet, axis, text, index)
+            text = (
+                f"{_claims(context, axis, needing)}; {_named(axis, index)}, which belongs to it, is missing"
+            )
+            yield _at_claim(context, axis, text, index)
 
 
 @finds("M013")
-def no_axis_type(sheet: RuleContext) -> Iterator[Hit]:
+def no_axis_type(context: RuleContext) -> Iterator[Hit]:
     """M013."""
-    found = axes(sheet)
+    found = axes(context)
     for axis in found if len(found) > 1 else ():
         index = axis.offset + _SINGLE_DEVICE_TYPE
-        if index not in sheet.eds:
+        if index not in context.eds:
             text = f"the device has {counted(len(found), 'axis', 'axes')}, but {index:04X} (Single device type) is missing"
-            yield sheet.at(sheet.where_missing(index), "", text, index)
+            yield context.at(context.where_missing(index), "", text, index)
 
 
-def _claims(sheet: RuleContext, axis: EdsAxis, modes: Iterable[ModeOfOperation]) -> str:
-    return f"{_word(sheet, axis)} claims {', '.join(short(mode) for mode in modes)}"
+def _claims(context: RuleContext, axis: EdsAxis, modes: Iterable[ModeOfOperation]) -> str:
+    return f"{_word(context, axis)} claims {', '.join(short(mode) for mode in modes)}"
 
 
-def _word(sheet: RuleContext, axis: EdsAxis) -> str:
+def _word(context: RuleContext, axis: EdsAxis) -> str:
     index = axis.offset + o.SUPPORTED_DRIVE_MODES
-    word = sheet.number(index)
+    word = context.number(index)
     return f"{index:04X} (0x{word or 0:X})"
 
 
@@ -228,14 +250,14 @@ def _named(axis: EdsAxis, index: int) -> str:
     return f"{axis.offset + index:04X}" + (f" ({name})" if name else "")
 
 
-def _mild(index: int) -> Severity | None:
+def _note_unless_sure(index: int) -> Severity | None:
     """Return NOTE for an object that is not certainly mandatory, else None (the rule's own severity)."""
     whole = dictionary.whole(index)
     return None if whole is not None and whole.sure else Severity.NOTE
 
 
 def _at_claim(
-    sheet: RuleContext,
+    context: RuleContext,
     axis: EdsAxis,
     message: str,
     index: int | None = None,
@@ -244,4 +266,4 @@ def _at_claim(
     """Return a hit at the value of 6502h; ``index`` (on the first axis) is the missing object."""
     absent = None if index is None else axis.offset + index
     word = axis.offset + o.SUPPORTED_DRIVE_MODES
-    return sheet.at_start(word, message, missing=absent, severity=severity)
+    return context.at_start(word, message, missing=absent, severity=severity)

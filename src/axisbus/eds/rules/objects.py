@@ -26,136 +26,138 @@ _LIMITS = ("LowLimit", "HighLimit")
 
 
 @finds("O027")
-def shared_names(sheet: RuleContext) -> Iterator[Hit]:
+def shared_names(context: RuleContext) -> Iterator[Hit]:
     """O027."""
     seen: dict[str, int] = {}
-    for entry in sheet.eds:
-        head = sheet.heads.get(entry.index)
+    for entry in context.eds:
+        head = context.heads.get(entry.index)
         first = seen.setdefault(entry.name.lower(), entry.index)
         if first != entry.index and entry.name and head is not None:
             text = f"[{head.name}] has the name of {first:04X}: {short(entry.name)!r}"
-            yield sheet.at(head, "parametername", text, entry.index)
+            yield context.at(head, "parametername", text, entry.index)
 
 
 @finds("O015")
-def long_names(sheet: RuleContext) -> Iterator[Hit]:
+def long_names(context: RuleContext) -> Iterator[Hit]:
     """O015."""
-    for section, index, subindex in _all(sheet):
+    for section, index, subindex in _all(context):
         name = section.entries.get("parametername", "")
         if len(name) > MAX_NAME:
             text = f"[{section.name}] has a name of {counted(len(name), 'character')}, at most {MAX_NAME} are allowed"
-            yield sheet.at(section, "parametername", text, index, subindex)
+            yield context.at(section, "parametername", text, index, subindex)
 
 
 @finds("O021")
-def empty_names(sheet: RuleContext) -> Iterator[Hit]:
+def empty_names(context: RuleContext) -> Iterator[Hit]:
     """O021."""
-    for section, index, subindex in _all(sheet):
+    for section, index, subindex in _all(context):
         if section.entries.get("parametername") == "":
-            yield sheet.at(section, "parametername", f"[{section.name}] has an empty name", index, subindex)
+            yield context.at(section, "parametername", f"[{section.name}] has an empty name", index, subindex)
 
 
 @finds("O016")
-def mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
+def mapping_flag(context: RuleContext) -> Iterator[Hit]:
     """O016."""
-    for entry in sheet.described:
+    for entry in context.described:
         given = entry.text("pdomapping")
         if given not in ("", "0", "1") and values.plain(given) not in (0, 1):
-            yield sheet.on(entry, "pdomapping", f"PDOMapping={short(given)} is neither 0 nor 1")
+            yield context.on(entry, "pdomapping", f"PDOMapping={short(given)} is neither 0 nor 1")
 
 
 @finds("O020")
-def no_mapping_flag(sheet: RuleContext) -> Iterator[Hit]:
+def no_mapping_flag(context: RuleContext) -> Iterator[Hit]:
     """O020."""
-    for entry in sheet.described:
+    for entry in context.described:
         domain = (
             ObjectType.DOMAIN is entry.variable.object_type or DataType.DOMAIN is entry.variable.data_type
         )
         if "pdomapping" not in entry.section.entries and not domain:
-            yield sheet.on(entry, "", "has no PDOMapping")
+            yield context.on(entry, "", "has no PDOMapping")
 
 
 @finds("O017")
-def record_keys_on_var(sheet: RuleContext) -> Iterator[Hit]:
+def record_keys_on_var(context: RuleContext) -> Iterator[Hit]:
     """O017."""
-    for entry in sheet.described:
+    for entry in context.described:
         for name in ("SubNumber", "CompactSubObj"):
             given = entry.text(name)
             if given and values.plain(given) != 0:
-                yield sheet.on(entry, name, f"{name} does not belong to a {entry.variable.object_type.name}")
+                yield context.on(
+                    entry, name, f"{name} does not belong to a {entry.variable.object_type.name}"
+                )
 
 
 @finds("O018")
-def domain_keys(sheet: RuleContext) -> Iterator[Hit]:
+def domain_keys(context: RuleContext) -> Iterator[Hit]:
     """O018."""
-    for entry in sheet.described:
+    for entry in context.described:
         if entry.variable.object_type is not ObjectType.DOMAIN:
             continue
         if entry.variable.pdo_mapping:
-            yield sheet.on(entry, "pdomapping", "a DOMAIN cannot be mapped into a PDO")
+            yield context.on(entry, "pdomapping", "a DOMAIN cannot be mapped into a PDO")
         for name in _LIMITS:
             if entry.text(name):
-                yield sheet.on(entry, name, f"{name} does not belong to a DOMAIN")
+                yield context.on(entry, name, f"{name} does not belong to a DOMAIN")
 
 
 @finds("O019")
-def letters_of_access(sheet: RuleContext) -> Iterator[Hit]:
+def letters_of_access(context: RuleContext) -> Iterator[Hit]:
     """O019."""
-    for entry in sheet.described:
+    for entry in context.described:
         given = entry.text("accesstype")
         if given != entry.variable.access and given.lower() == entry.variable.access:
-            yield sheet.on(
+            yield context.on(
                 entry, "accesstype", f"AccessType={given} is written {given.lower()} in the standard"
             )
 
 
 @finds("O028")
-def unguarded_actions(sheet: RuleContext) -> Iterator[Hit]:
+def unguarded_actions(context: RuleContext) -> Iterator[Hit]:
     """O028."""
     for index in _ACTIONS:
-        entry = sheet.eds.objects.get(index)
+        entry = context.eds.objects.get(index)
         if entry is None:
             continue
         bare = [sub for sub in entry.subs.values() if sub.writable and not sub.object_flags & 1]
         if bare:
-            section = sheet.section_of(index, bare[0].subindex)
+            section = context.section_of(index, bare[0].subindex)
             text = f"[{section.name if section else ''}] can be written, and has no ObjFlags with bit 0"
-            yield sheet.at(section, "", text, index, bare[0].subindex)
+            yield context.at(section, "", text, index, bare[0].subindex)
 
 
 @finds("O029")
-def unknown_flags(sheet: RuleContext) -> Iterator[Hit]:
+def unknown_flags(context: RuleContext) -> Iterator[Hit]:
     """O029."""
-    for entry in sheet.described:
+    for entry in context.described:
         if entry.variable.object_flags & ~_KNOWN_FLAGS:
-            yield sheet.on(
+            yield context.on(
                 entry, "objflags", f"ObjFlags={short(entry.text('objflags'))} has bits that are reserved"
             )
 
 
 @finds("O031")
-def no_object_type(sheet: RuleContext) -> Iterator[Hit]:
+def no_object_type(context: RuleContext) -> Iterator[Hit]:
     """O031."""
-    bare = [entry for entry in sheet.described if not entry.section.entries.get("objecttype")]
+    bare = [entry for entry in context.described if not entry.section.entries.get("objecttype")]
     if bare:
         more = f"; so have {counted(len(bare) - 1, 'other')}" if len(bare) > 1 else ""
-        yield sheet.on(bare[0], "", f"has no ObjectType, VAR is meant{more}")
+        yield context.on(bare[0], "", f"has no ObjectType, VAR is meant{more}")
 
 
 @finds("O032")
-def unknown_types(sheet: RuleContext) -> Iterator[Hit]:
+def unknown_types(context: RuleContext) -> Iterator[Hit]:
     """O032."""
-    for entry in sheet.described:
+    for entry in context.described:
         kind = entry.variable.data_type
-        if kind >= _FIRST_OWN_TYPE and kind not in sheet.eds:
+        if kind >= _FIRST_OWN_TYPE and kind not in context.eds:
             text = f"DataType={short(entry.text('datatype'))} is of no standard, and the file does not describe it"
-            yield sheet.on(entry, "datatype", text)
+            yield context.on(entry, "datatype", text)
 
 
-def _all(sheet: RuleContext) -> Iterator[tuple[Section, int, int | None]]:
-    for index, section in sheet.heads.items():
+def _all(context: RuleContext) -> Iterator[tuple[Section, int, int | None]]:
+    for index, section in context.heads.items():
         yield section, index, None
-    for index, subs in sheet.subs.items():
+    for index, subs in context.subs.items():
         for subindex, section in subs.items():
             yield section, index, subindex
 
@@ -182,16 +184,16 @@ NODE_COB_IDS = {
 
 
 @finds("V003")
-def beyond_limits(sheet: RuleContext) -> Iterator[Hit]:
+def beyond_limits(context: RuleContext) -> Iterator[Hit]:
     """V003."""
-    for entry in sheet.described:
+    for entry in context.described:
         variable = entry.variable
         if variable.low is None and variable.high is None:
             continue
         for name, value in (("DefaultValue", variable.default), ("ParameterValue", variable.parameter_value)):
             crossed = _crossed(value, variable)
             if crossed:
-                yield sheet.on(entry, name, f"{name}={short(entry.text(name))} is {crossed}")
+                yield context.on(entry, name, f"{name}={short(entry.text(name))} is {crossed}")
 
 
 def _crossed(value: Default, variable: Variable) -> str:
@@ -221,20 +223,20 @@ def _plain(value: Limit) -> float:
 
 
 @finds("V008")
-def limits_of_texts(sheet: RuleContext) -> Iterator[Hit]:
+def limits_of_texts(context: RuleContext) -> Iterator[Hit]:
     """V008."""
-    for entry in sheet.described:
+    for entry in context.described:
         if entry.variable.data_type in _WITHOUT_LIMITS:
             for name in _LIMITS:
                 if entry.text(name):
-                    yield sheet.on(entry, name, f"{name} says nothing for {entry.variable.data_type.name}")
+                    yield context.on(entry, name, f"{name} says nothing for {entry.variable.data_type.name}")
                     break
 
 
 @finds("V016")
-def formula_too_large(sheet: RuleContext) -> Iterator[Hit]:
+def formula_too_large(context: RuleContext) -> Iterator[Hit]:
     """V016."""
-    for entry in sheet.described:
+    for entry in context.described:
         variable = entry.variable
         held = (variable.default, variable.parameter_value, variable.low, variable.high)
         for name, value in zip(_NUMBERS, held, strict=True):
@@ -242,32 +244,34 @@ def formula_too_large(sheet: RuleContext) -> Iterator[Hit]:
                 continue
             if value.value + _HIGHEST_NODE_ID > variable.data_type.range[1]:
                 text = f"{name}={short(entry.text(name))} exceeds {variable.data_type.name} with node ID 127"
-                yield sheet.on(entry, name, text)
+                yield context.on(entry, name, text)
 
 
 @finds("V007")
-def built_in_node_id(sheet: RuleContext) -> Iterator[Hit]:
+def built_in_node_id(context: RuleContext) -> Iterator[Hit]:
     """V007."""
-    for entry, base, value in _node_cob_ids(sheet):
+    for entry, base, value in _node_cob_ids(context):
         identifier = value.value & cob.ID_MASK_11
         node_id = identifier - base
-        if not value.plus_node_id and 1 <= node_id <= _HIGHEST_NODE_ID and node_id != sheet.eds.node_id:
+        if not value.plus_node_id and 1 <= node_id <= _HIGHEST_NODE_ID and node_id != context.eds.node_id:
             text = f"0x{identifier:X} is $NODEID+0x{base:X} for node {node_id} alone"
-            yield sheet.on(entry, "defaultvalue", text)
+            yield context.on(entry, "defaultvalue", text)
 
 
 @finds("V019")
-def no_node_id(sheet: RuleContext) -> Iterator[Hit]:
+def no_node_id(context: RuleContext) -> Iterator[Hit]:
     """V019."""
-    for entry, base, value in _node_cob_ids(sheet):
+    for entry, base, value in _node_cob_ids(context):
         if not value.plus_node_id and value.value & cob.ID_MASK_29 == base:
-            yield sheet.on(entry, "defaultvalue", f"0x{value.value:X} is meant as $NODEID+0x{value.value:X}")
+            yield context.on(
+                entry, "defaultvalue", f"0x{value.value:X} is meant as $NODEID+0x{value.value:X}"
+            )
 
 
-def _node_cob_ids(sheet: RuleContext) -> Iterator[tuple[Described, int, Number]]:
+def _node_cob_ids(context: RuleContext) -> Iterator[tuple[Described, int, Number]]:
     """Yield the entries that hold an identifier of the node, with its base and the file's default."""
     for (index, subindex), base in NODE_COB_IDS.items():
-        variable = sheet.eds.get(index, subindex)
-        section = sheet.section_of(index, subindex)
+        variable = context.eds.get(index, subindex)
+        section = context.section_of(index, subindex)
         if variable is not None and section is not None and isinstance(variable.default, Number):
             yield Described(variable, section), base, variable.default

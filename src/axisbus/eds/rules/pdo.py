@@ -39,37 +39,37 @@ class MappingEntry:
         return f"{self.holder.index:04X}sub{self.holder.subindex:X}"
 
 
-def maps(sheet: RuleContext) -> Iterator[tuple[bool, Object]]:
+def maps(context: RuleContext) -> Iterator[tuple[bool, Object]]:
     """Yield each mapping parameter, with whether it belongs to an RPDO.
 
     A mapping that a DCF configures comes twice: as configured, and with the device's defaults.
     """
     for first, receive in ((o.RPDO_MAPPING, True), (o.TPDO_MAPPING, False)):
-        for entry in _objects(sheet, first):
+        for entry in _objects(context, first):
             yield receive, entry
             if any(sub.parameter_value is not None for sub in entry.subs.values()):
                 subs = {key: replace(sub, parameter_value=None) for key, sub in entry.subs.items()}
                 yield receive, replace(entry, subs=subs)
 
 
-def communications(sheet: RuleContext) -> Iterator[tuple[bool, Object]]:
+def communications(context: RuleContext) -> Iterator[tuple[bool, Object]]:
     """Yield each communication parameter, with whether it belongs to an RPDO."""
     for first, receive in ((o.RPDO_COMMUNICATION, True), (o.TPDO_COMMUNICATION, False)):
-        for entry in _objects(sheet, first):
+        for entry in _objects(context, first):
             yield receive, entry
 
 
-def _objects(sheet: RuleContext, first: int) -> Iterator[Object]:
-    yield from sheet.blocks.get(first // o.PDOS_OF_A_KIND, ())
+def _objects(context: RuleContext, first: int) -> Iterator[Object]:
+    yield from context.blocks.get(first // o.PDOS_OF_A_KIND, ())
 
 
-def used(sheet: RuleContext, entry: Object) -> list[Variable]:
+def used(context: RuleContext, entry: Object) -> list[Variable]:
     """Return the entries of a mapping that its sub-index 0 counts; all that are not 0 if it gives no number."""
     count = number_of(entry.subs[0]) if 0 in entry.subs else None
     if count in MULTIPLEXED:
         return []
     there = [sub for subindex, sub in entry.subs.items() if 1 <= subindex <= MAX_ENTRIES]
-    if count is None and 0 in entry.subs and not understood(sheet, entry.subs[0]):
+    if count is None and 0 in entry.subs and not understood(context, entry.subs[0]):
         return []  # V001 and similar rules report it
     if count is None:
         return [sub for sub in there if number_of(sub)]
@@ -84,22 +84,22 @@ def unused(entry: Object) -> list[Variable]:
     return [sub for subindex, sub in entry.subs.items() if count < subindex <= MAX_ENTRIES]
 
 
-def slots(sheet: RuleContext) -> Iterator[MappingEntry]:
+def slots(context: RuleContext) -> Iterator[MappingEntry]:
     """Yield each mapped object in use of each mapping."""
-    for receive, entry in maps(sheet):
-        yield from slots_of(sheet, receive, entry)
+    for receive, entry in maps(context):
+        yield from slots_of(context, receive, entry)
 
 
-def every_slot(sheet: RuleContext) -> Iterator[MappingEntry]:
+def all_slots(context: RuleContext) -> Iterator[MappingEntry]:
     """Yield each mapped object of each mapping, including entries that sub-index 0 does not count."""
-    yield from slots(sheet)
-    for receive, entry in maps(sheet):
+    yield from slots(context)
+    for receive, entry in maps(context):
         yield from filled(unused(entry), receive, active=False)
 
 
-def slots_of(sheet: RuleContext, receive: bool, entry: Object) -> list[MappingEntry]:
+def slots_of(context: RuleContext, receive: bool, entry: Object) -> list[MappingEntry]:
     """Return the mapped objects in use of one mapping."""
-    return list(filled(used(sheet, entry), receive))
+    return list(filled(used(context, entry), receive))
 
 
 def filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> Iterator[MappingEntry]:
@@ -110,9 +110,9 @@ def filled(holders: Iterable[Variable], receive: bool, active: bool = True) -> I
             yield MappingEntry(receive, holder, mapped, active)
 
 
-def understood(sheet: RuleContext, entry: Variable) -> bool:
+def understood(context: RuleContext, entry: Variable) -> bool:
     """Whether the value after power-up is valid, or there is none; else the reader has reported it."""
-    section = sheet.section_of(entry.index, entry.subindex)
+    section = context.section_of(entry.index, entry.subindex)
     return section is None or not section.entries.get("defaultvalue") or entry.default is not None
 
 
@@ -120,81 +120,83 @@ def understood(sheet: RuleContext, entry: Variable) -> bool:
 
 
 @finds("P001")
-def no_mapping(sheet: RuleContext) -> Iterator[Hit]:
+def no_mapping(context: RuleContext) -> Iterator[Hit]:
     """P001."""
-    for _, entry in communications(sheet):
+    for _, entry in communications(context):
         partner = entry.index + o.PDOS_OF_A_KIND
-        if partner not in sheet.eds and not sheet.modular:
+        if partner not in context.eds and not context.modular:
             text = f"[{entry.index:04X}] has no mapping parameter [{partner:04X}]"
-            yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
+            yield context.at(context.heads.get(entry.index), "", text, entry.index)
 
 
 @finds("P007")
-def no_communication(sheet: RuleContext) -> Iterator[Hit]:
+def no_communication(context: RuleContext) -> Iterator[Hit]:
     """P007."""
-    for _, entry in maps(sheet):
+    for _, entry in maps(context):
         partner = entry.index - o.PDOS_OF_A_KIND
-        if partner not in sheet.eds and not sheet.modular:
+        if partner not in context.eds and not context.modular:
             text = f"[{entry.index:04X}] has no communication parameter [{partner:04X}]"
-            yield sheet.at(sheet.heads.get(entry.index), "", text, entry.index)
+            yield context.at(context.heads.get(entry.index), "", text, entry.index)
 
 
 @finds("P002")
-def no_target(sheet: RuleContext) -> Iterator[Hit]:
+def no_target(context: RuleContext) -> Iterator[Hit]:
     """P002."""
-    for slot in every_slot(sheet):
+    for slot in all_slots(context):
         index, subindex, _ = slot.mapped
-        if index in DATA_TYPES or sheet.modular or index in NETWORK_VARIABLES:
+        if index in DATA_TYPES or context.modular or index in NETWORK_VARIABLES:
             continue
-        if sheet.eds.get(index, subindex) is None and not _misshapen(sheet, index, subindex):
-            yield _on(sheet, slot, f"maps {index:04X}:{subindex:02X}, which the file does not describe")
-    yield from _formulas(sheet)
+        if context.eds.get(index, subindex) is None and not _misshapen(context, index, subindex):
+            yield _on(context, slot, f"maps {index:04X}:{subindex:02X}, which the file does not describe")
+    yield from _formulas(context)
 
 
-def _formulas(sheet: RuleContext) -> Iterator[Hit]:
+def _formulas(context: RuleContext) -> Iterator[Hit]:
     """Yield a hit for each mapping entry that is a formula."""
-    for _, entry in maps(sheet):
-        for holder in used(sheet, entry):
+    for _, entry in maps(context):
+        for holder in used(context, entry):
             value = start_value(holder)
             if value is not None and value.plus_node_id:
                 name = f"{holder.index:04X}sub{holder.subindex:X}"
-                yield sheet.at_value(holder, f"[{name}] depends on the node ID, and maps no object")
+                yield context.at_value(holder, f"[{name}] depends on the node ID, and maps no object")
 
 
 @finds("P017")
-def repeated(sheet: RuleContext) -> Iterator[Hit]:
+def repeated(context: RuleContext) -> Iterator[Hit]:
     """P017."""
-    for receive, entry in maps(sheet):
+    for receive, entry in maps(context):
         seen: dict[tuple[int, int], MappingEntry] = {}
-        for slot in slots_of(sheet, receive, entry):
+        for slot in slots_of(context, receive, entry):
             target = slot.mapped.index, slot.mapped.subindex
             first = seen.setdefault(target, slot)
             if first is not slot and slot.mapped.index not in DATA_TYPES:
-                yield _on(sheet, slot, f"maps {target[0]:04X}:{target[1]:02X} again, as [{first.name}] does")
+                yield _on(
+                    context, slot, f"maps {target[0]:04X}:{target[1]:02X} again, as [{first.name}] does"
+                )
 
 
-def _misshapen(sheet: RuleContext, index: int, subindex: int) -> bool:
+def _misshapen(context: RuleContext, index: int, subindex: int) -> bool:
     """Whether the entry has a section that is hidden by a wrong ObjectType (O008, O011)."""
-    entry, head = sheet.eds.objects.get(index), sheet.heads.get(index)
+    entry, head = context.eds.objects.get(index), context.heads.get(index)
     if entry is None or head is None:
         return False
     if entry.is_record:
         return subindex == 0 and not entry.subs and "datatype" in head.entries
-    return subindex in sheet.subs.get(index, {})
+    return subindex in context.subs.get(index, {})
 
 
 @finds("P003")
-def wrong_size(sheet: RuleContext) -> Iterator[Hit]:
+def wrong_size(context: RuleContext) -> Iterator[Hit]:
     """P003."""
-    for slot in every_slot(sheet):
-        target = _target(sheet, slot)
+    for slot in all_slots(context):
+        target = _target(context, slot)
         bits = _bits(slot.mapped) if target is None else target.bits
-        if bits is None or bits == slot.mapped.bits or _right_by_standard(sheet, target, slot.mapped):
+        if bits is None or bits == slot.mapped.bits or _right_by_standard(context, target, slot.mapped):
             continue
         kind = f" ({target.data_type.name})" if target is not None else ""
         whole = f"{slot.mapped.index:04X}:{slot.mapped.subindex:02X}, which has {bits}{kind}"
         text = f"maps {counted(slot.mapped.bits, 'bit')} of {whole}"
-        yield _on(sheet, slot, text)
+        yield _on(context, slot, text)
 
 
 def _bits(mapped: MappedObject) -> int | None:
@@ -202,96 +204,96 @@ def _bits(mapped: MappedObject) -> int | None:
     return DataType(mapped.index).bits if mapped.is_dummy else None
 
 
-def _right_by_standard(sheet: RuleContext, target: Variable | None, mapped: MappedObject) -> bool:
+def _right_by_standard(context: RuleContext, target: Variable | None, mapped: MappedObject) -> bool:
     """Whether the mapping matches the standard: then the object's type is wrong, and C003 or M002 reports it."""
     if target is None:
         return False
-    row = drive.row(sheet, target.index, target.subindex)
+    row = drive.row(context, target.index, target.subindex)
     return row is not None and any(kind.bits == mapped.bits for kind in row.data_types)
 
 
 @finds("P004")
-def not_mappable(sheet: RuleContext) -> Iterator[Hit]:
+def not_mappable(context: RuleContext) -> Iterator[Hit]:
     """P004."""
     at_fault: dict[Section, list[MappingEntry]] = {}  # sections of objects
-    for slot in every_slot(sheet):
-        target = _target(sheet, slot)
+    for slot in all_slots(context):
+        target = _target(context, slot)
         if target is None or target.pdo_mapping:
             continue
-        section = sheet.section_of(target.index, target.subindex)
+        section = context.section_of(target.index, target.subindex)
         missing = section is not None and "pdomapping" not in section.entries
-        if section is not None and slot.active and (missing or is_cyclic(sheet, target)):
+        if section is not None and slot.active and (missing or is_cyclic(context, target)):
             at_fault.setdefault(section, []).append(slot)
         else:
-            yield _on(sheet, slot, f"maps {_name(target)}, whose PDOMapping is 0")
+            yield _on(context, slot, f"maps {_name(target)}, whose PDOMapping is 0")
     for section, mapping in at_fault.items():
-        yield _at_object(sheet, section, mapping)
+        yield _at_object(context, section, mapping)
 
 
-def _at_object(sheet: RuleContext, section: Section, mapping: list[MappingEntry]) -> Hit:
+def _at_object(context: RuleContext, section: Section, mapping: list[MappingEntry]) -> Hit:
     given = section.entries.get("pdomapping")
     says = "no PDOMapping, which means 0" if given is None else f"PDOMapping={given}"
     more = f", and {counted(len(mapping) - 1, 'more entry', 'more entries')}" if len(mapping) > 1 else ""
     index, subindex, _ = mapping[0].mapped
     text = f"[{section.name}] has {says}, but it is mapped by [{mapping[0].name}]{more}"
-    return sheet.at(section, "" if given is None else "pdomapping", text, index, subindex)
+    return context.at(section, "" if given is None else "pdomapping", text, index, subindex)
 
 
-def is_cyclic(sheet: RuleContext, target: Variable) -> bool:
+def is_cyclic(context: RuleContext, target: Variable) -> bool:
     """Whether the object is mappable in every drive: then its PDOMapping is wrong, not the mapping."""
-    known = drive.row(sheet, target.index, target.subindex) is not None
+    known = drive.row(context, target.index, target.subindex) is not None
     return known and target.subindex == 0 and first_axis(target.index) in standard.CYCLIC
 
 
 @finds("P005")
-def wrong_direction(sheet: RuleContext) -> Iterator[Hit]:
+def wrong_direction(context: RuleContext) -> Iterator[Hit]:
     """P005."""
-    for slot in every_slot(sheet):
-        target = _target(sheet, slot)
+    for slot in all_slots(context):
+        target = _target(context, slot)
         allowed = RPDO_ACCESS if slot.receive else TPDO_ACCESS
-        if target is None or target.access in allowed or _access_is_the_fault(sheet, target, allowed):
+        if target is None or target.access in allowed or _access_is_the_fault(context, target, allowed):
             continue
         kind = "an RPDO writes" if slot.receive else "a TPDO reads"
-        yield _on(sheet, slot, f"maps {_name(target)}, which is {target.access}; {kind} it")
+        yield _on(context, slot, f"maps {_name(target)}, which is {target.access}; {kind} it")
 
 
-def _access_is_the_fault(sheet: RuleContext, target: Variable, allowed: frozenset[str]) -> bool:
+def _access_is_the_fault(context: RuleContext, target: Variable, allowed: frozenset[str]) -> bool:
     """Whether the standard allows this direction: then the object's access is wrong, and C004 or M004 reports it."""
-    row = drive.row(sheet, target.index, target.subindex)
+    row = drive.row(context, target.index, target.subindex)
     return (
         row is not None and bool(row.access & allowed) and not standard.access_fits(target.access, row.access)
     )
 
 
 @finds("P006")
-def too_long(sheet: RuleContext) -> Iterator[Hit]:
+def too_long(context: RuleContext) -> Iterator[Hit]:
     """P006."""
-    for receive, entry in maps(sheet):
-        every = slots_of(sheet, receive, entry)
-        if sum(_right_bits(sheet, slot) for slot in every) <= MAX_BITS:
+    for receive, entry in maps(context):
+        every = slots_of(context, receive, entry)
+        if sum(_right_bits(context, slot) for slot in every) <= MAX_BITS:
             continue  # not too long with the right sizes; P003 reports wrong sizes
         total, whole = 0, sum(slot.mapped.bits for slot in every)
         for slot in every:
             before, total = total, total + slot.mapped.bits
             if before <= MAX_BITS < total:
                 text = f"crosses {MAX_BITS} bits; the mapping [{entry.index:04X}] has {whole}"
-                yield _on(sheet, slot, text)
+                yield _on(context, slot, text)
 
 
-def _right_bits(sheet: RuleContext, slot: MappingEntry) -> int:
+def _right_bits(context: RuleContext, slot: MappingEntry) -> int:
     """Return the bits of an entry: by its target's type if P003 reports the entry, else as mapped."""
-    target = _target(sheet, slot)
+    target = _target(context, slot)
     bits = slot.mapped.bits if target is None or target.bits is None else target.bits
-    return slot.mapped.bits if _right_by_standard(sheet, target, slot.mapped) else bits
+    return slot.mapped.bits if _right_by_standard(context, target, slot.mapped) else bits
 
 
 @finds("P008")
-def count_beyond(sheet: RuleContext) -> Iterator[Hit]:
+def count_beyond(context: RuleContext) -> Iterator[Hit]:
     """P008."""
-    for _, entry in maps(sheet):
+    for _, entry in maps(context):
         count = entry.subs.get(0)
         number = number_of(count) if count is not None else None
-        if count is None or number is None or number in MULTIPLEXED or sheet.modular:
+        if count is None or number is None or number in MULTIPLEXED or context.modular:
             continue
         highest = max((sub for sub in entry.subs if 1 <= sub <= MAX_ENTRIES), default=0)
         if number > highest:
@@ -299,58 +301,60 @@ def count_beyond(sheet: RuleContext) -> Iterator[Hit]:
             text = (
                 f"[{entry.index:04X}sub0] says that {mapped}, but has {counted(highest, 'entry', 'entries')}"
             )
-            yield sheet.at_value(count, text)
+            yield context.at_value(count, text)
 
 
 @finds("P015")
-def empty_entries(sheet: RuleContext) -> Iterator[Hit]:
+def empty_entries(context: RuleContext) -> Iterator[Hit]:
     """P015."""
-    for _, entry in maps(sheet):
-        empty = [holder for holder in used(sheet, entry) if number_of(holder) == 0]
+    for _, entry in maps(context):
+        empty = [holder for holder in used(context, entry) if number_of(holder) == 0]
         if empty:
             holder = empty[0]
             more = f", and {len(empty) - 1} more of them" if len(empty) > 1 else ""
             text = f"[{holder.index:04X}sub{holder.subindex:X}] maps nothing, but sub-index 0 counts it{more}"
-            yield sheet.at_value(holder, text)
+            yield context.at_value(holder, text)
 
 
 @finds("P016")
-def carries_nothing(sheet: RuleContext) -> Iterator[Hit]:
+def carries_nothing(context: RuleContext) -> Iterator[Hit]:
     """P016."""
-    for receive, entry in maps(sheet):
+    for receive, entry in maps(context):
         count = entry.subs.get(0)
         waiting = list(filled(unused(entry), receive))
         if count is None or number_of(count) != 0 or not waiting:
             continue
         what = counted(len(waiting), "entry is", "entries are")
         text = f"[{entry.index:04X}sub0] is 0: the PDO carries nothing, though {what} filled"
-        severity = None if _is_on(sheet, entry.index) else Severity.NOTE
-        yield sheet.at_value(count, text, severity)
+        severity = None if _is_on(context, entry.index) else Severity.NOTE
+        yield context.at_value(count, text, severity)
 
 
-def _is_on(sheet: RuleContext, mapping: int) -> bool:
+def _is_on(context: RuleContext, mapping: int) -> bool:
     """Whether the PDO of a mapping is enabled after power-up."""
-    identifier = sheet.number(mapping - o.PDOS_OF_A_KIND, 1)
+    identifier = context.number(mapping - o.PDOS_OF_A_KIND, 1)
     return identifier is not None and not identifier & cob.INVALID
 
 
 @finds("P010")
-def dummies(sheet: RuleContext) -> Iterator[Hit]:
+def dummies(context: RuleContext) -> Iterator[Hit]:
     """P010."""
-    for slot in every_slot(sheet):
+    for slot in all_slots(context):
         index = slot.mapped.index
-        if index in DATA_TYPES and index not in sheet.eds.dummies:
-            yield _on(sheet, slot, f"maps the dummy {index:04X}, which [DummyUsage] does not allow")
+        if index in DATA_TYPES and index not in context.eds.dummies:
+            yield _on(context, slot, f"maps the dummy {index:04X}, which [DummyUsage] does not allow")
 
 
-def _target(sheet: RuleContext, slot: MappingEntry) -> Variable | None:
-    return None if slot.mapped.index in DATA_TYPES else sheet.eds.get(slot.mapped.index, slot.mapped.subindex)
+def _target(context: RuleContext, slot: MappingEntry) -> Variable | None:
+    return (
+        None if slot.mapped.index in DATA_TYPES else context.eds.get(slot.mapped.index, slot.mapped.subindex)
+    )
 
 
 def _name(target: Variable) -> str:
     return f"{target.index:04X}:{target.subindex:02X} ({target.name})"
 
 
-def _on(sheet: RuleContext, slot: MappingEntry, message: str) -> Hit:
+def _on(context: RuleContext, slot: MappingEntry, message: str) -> Hit:
     text = f"[{slot.name}] {message}" if slot.active else f"[{slot.name}], not active, {message}"
-    return sheet.at_value(slot.holder, text, None if slot.active else Severity.NOTE)
+    return context.at_value(slot.holder, text, None if slot.active else Severity.NOTE)

@@ -37,17 +37,17 @@ _RESTRICTED = (
 
 
 @finds("P009")
-def parameter_types(sheet: RuleContext) -> Iterator[Hit]:
+def parameter_types(context: RuleContext) -> Iterator[Hit]:
     """P009."""
-    for _, entry in communications(sheet):
+    for _, entry in communications(context):
         for subindex, kind in _PARAMETERS.items():
             sub = entry.subs.get(subindex)
             if sub is not None:
-                yield from _type(sheet, sub, kind)
-    for _, entry in maps(sheet):
+                yield from _type(context, sub, kind)
+    for _, entry in maps(context):
         for subindex, sub in entry.subs.items():
             if 1 <= subindex <= MAX_ENTRIES:
-                yield from _type(sheet, sub, DataType.UNSIGNED32)
+                yield from _type(context, sub, DataType.UNSIGNED32)
 
 
 def standard_type(index: int, subindex: int) -> DataType:
@@ -56,59 +56,59 @@ def standard_type(index: int, subindex: int) -> DataType:
     return DataType.UNSIGNED32 if mapping else _PARAMETERS.get(subindex, DataType.UNSIGNED8)
 
 
-def _type(sheet: RuleContext, sub: Variable, kind: DataType) -> Iterator[Hit]:
+def _type(context: RuleContext, sub: Variable, kind: DataType) -> Iterator[Hit]:
     if sub.data_type is not kind and sub.data_type:
-        section = sheet.section_of(sub.index, sub.subindex)
+        section = context.section_of(sub.index, sub.subindex)
         text = f"[{sub.index:04X}sub{sub.subindex:X}] is {sub.data_type.name}, CiA 301 has {kind.name}"
-        yield sheet.at(section, "datatype", text, sub.index, sub.subindex)
+        yield context.at(section, "datatype", text, sub.index, sub.subindex)
 
 
 @finds("P011")
-def missing_parameters(sheet: RuleContext) -> Iterator[Hit]:
+def missing_parameters(context: RuleContext) -> Iterator[Hit]:
     """P011."""
-    for _, entry in communications(sheet):
-        head = sheet.heads.get(entry.index)
+    for _, entry in communications(context):
+        head = context.heads.get(entry.index)
         for subindex, what in _NEEDED.items():
             if subindex not in entry.subs and entry.subs and head is not None:
                 text = f"[{entry.index:04X}] has no sub-index {subindex}, {what}"
-                yield sheet.at(head, "", text, entry.index, subindex)
+                yield context.at(head, "", text, entry.index, subindex)
 
 
 @finds("P012")
-def reserved_types(sheet: RuleContext) -> Iterator[Hit]:
+def reserved_types(context: RuleContext) -> Iterator[Hit]:
     """P012."""
-    for receive, entry in communications(sheet):
-        kind = sheet.number(entry.index, 2)
+    for receive, entry in communications(context):
+        kind = context.number(entry.index, 2)
         if kind in _RESERVED_TYPES[receive]:
             text = f"[{entry.index:04X}sub2] has transmission type {kind}, which is reserved"
-            yield sheet.at_start(entry.index, text, 2)
+            yield context.at_start(entry.index, text, 2)
 
 
 @finds("P013")
-def restricted_ids(sheet: RuleContext) -> Iterator[Hit]:
+def restricted_ids(context: RuleContext) -> Iterator[Hit]:
     """P013."""
-    for _, sub, value in _valid_cob_ids(sheet):
+    for _, sub, value in _valid_cob_ids(context):
         said = restricted(value)
         wrong = f"gives {said}, which CiA 301 keeps for another service" if said else too_long(value)
         if wrong:
-            yield sheet.at_start(sub.index, f"[{sub.index:04X}sub1] {wrong}", 1)
+            yield context.at_start(sub.index, f"[{sub.index:04X}sub1] {wrong}", 1)
 
 
 @finds("P014")
-def shared_ids(sheet: RuleContext) -> Iterator[Hit]:
+def shared_ids(context: RuleContext) -> Iterator[Hit]:
     """P014."""
     seen: dict[tuple[int, bool], int] = {}
-    for _, sub, value in _valid_cob_ids(sheet):
+    for _, sub, value in _valid_cob_ids(context):
         key = value.value & cob.ID_MASK_29, value.plus_node_id
         first = seen.setdefault(key, sub.index)
         if first != sub.index:
             text = f"[{sub.index:04X}sub1] has the COB-ID of [{first:04X}sub1]"
-            yield sheet.at_start(sub.index, text, 1)
+            yield context.at_start(sub.index, text, 1)
 
 
-def _valid_cob_ids(sheet: RuleContext) -> Iterator[tuple[bool, Variable, Number]]:
+def _valid_cob_ids(context: RuleContext) -> Iterator[tuple[bool, Variable, Number]]:
     """Yield the identifiers of the PDOs that are enabled after power-up, with whether each is an RPDO."""
-    for receive, entry in communications(sheet):
+    for receive, entry in communications(context):
         sub = entry.subs.get(1)
         value = start_value(sub) if sub is not None else None
         if (

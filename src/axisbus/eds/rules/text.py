@@ -56,49 +56,49 @@ _KEYS: Mapping[str, frozenset[str]] = {
 
 
 @finds("S007")
-def long_lines(sheet: RuleContext) -> Iterator[Hit]:
+def long_lines(context: RuleContext) -> Iterator[Hit]:
     """S007."""
-    if len(max(sheet.document.lines, key=len)) <= MAX_LINE:
+    if len(max(context.document.lines, key=len)) <= MAX_LINE:
         return
     long = [
-        number for number, line in enumerate(sheet.document.lines, 1) if len(line.rstrip("\r")) > MAX_LINE
+        number for number, line in enumerate(context.document.lines, 1) if len(line.rstrip("\r")) > MAX_LINE
     ]
     if long:
-        length = len(sheet.document.lines[long[0] - 1].rstrip("\r"))
+        length = len(context.document.lines[long[0] - 1].rstrip("\r"))
         yield Hit(long[0], MAX_LINE + 1, f"the line has {counted(length, 'character')}{_and_more(long)}")
 
 
 @finds("S008")
-def spaced_keys(sheet: RuleContext) -> Iterator[Hit]:
+def spaced_keys(context: RuleContext) -> Iterator[Hit]:
     """S008."""
-    found = _matches(sheet, _SPACED_KEY, " =", "\t=")
+    found = _matches(context, _SPACED_KEY, " =", "\t=")
     if found:
         number, match = found[0]
         yield Hit(number, match.start(1) + 1, f"there is a space before the equals sign{_and_more(found)}")
 
 
 @finds("S013")
-def indented_comments(sheet: RuleContext) -> Iterator[Hit]:
+def indented_comments(context: RuleContext) -> Iterator[Hit]:
     """S013."""
-    found = _matches(sheet, _INDENTED_COMMENT, " ;", "\t;")
+    found = _matches(context, _INDENTED_COMMENT, " ;", "\t;")
     if found:
         number, match = found[0]
         yield Hit(number, match.end(), f"the comment is indented{_and_more(found)}")
 
 
 @finds("S014")
-def old_line_ends(sheet: RuleContext) -> Iterator[Hit]:
+def old_line_ends(context: RuleContext) -> Iterator[Hit]:
     """S014."""
-    if sheet.document.newline == "\r" and len(sheet.document.lines) > 1:
+    if context.document.newline == "\r" and len(context.document.lines) > 1:
         yield Hit(1, 1, "the lines end in CR alone")
 
 
 @finds("S015")
-def mixed_line_ends(sheet: RuleContext) -> Iterator[Hit]:
+def mixed_line_ends(context: RuleContext) -> Iterator[Hit]:
     """S015."""
-    if "\r" not in sheet.text:
+    if "\r" not in context.text:
         return
-    lines = sheet.document.lines[:-1]  # the text after the last line end has none
+    lines = context.document.lines[:-1]  # the text after the last line end has none
     carriage = [number for number, line in enumerate(lines, 1) if line.endswith("\r")]
     if not carriage or len(carriage) == len(lines):
         return
@@ -108,13 +108,13 @@ def mixed_line_ends(sheet: RuleContext) -> Iterator[Hit]:
 
 
 @finds("S018")
-def control_characters(sheet: RuleContext) -> Iterator[Hit]:
+def control_characters(context: RuleContext) -> Iterator[Hit]:
     """S018."""
-    if _CONTROL.search(sheet.text) is None:
+    if _CONTROL.search(context.text) is None:
         return
     found = [
         (number, match)
-        for number, line in enumerate(sheet.document.lines, 1)
+        for number, line in enumerate(context.document.lines, 1)
         if not line.isprintable() and (match := _CONTROL.search(line.rstrip("\r")))
     ]
     if found:
@@ -123,48 +123,48 @@ def control_characters(sheet: RuleContext) -> Iterator[Hit]:
 
 
 @finds("S016")
-def unknown_keys(sheet: RuleContext) -> Iterator[Hit]:
+def unknown_keys(context: RuleContext) -> Iterator[Hit]:
     """S016."""
     seen: dict[str, list[Section]] = {}
-    for section, key in _foreign_keys(sheet):
+    for section, key in _foreign_keys(context):
         if not _meant(key, _keys_of(section)):
             seen.setdefault(key, []).append(section)
     for key, sections in seen.items():
         message = f"key {key[:40]!r} is not of DS 306{_and_more(sections)}"
-        line, _ = sheet.document.place(sections[0], key)
+        line, _ = context.document.location(sections[0], key)
         yield Hit(line, 1, message)
 
 
 @finds("S017")
-def misspelt_keys(sheet: RuleContext) -> Iterator[Hit]:
+def misspelt_keys(context: RuleContext) -> Iterator[Hit]:
     """S017."""
-    for section, key in _foreign_keys(sheet):
+    for section, key in _foreign_keys(context):
         meant = _meant(key, _keys_of(section))
         if meant and meant not in section.entries:
-            line, _ = sheet.document.place(section, key)
+            line, _ = context.document.location(section, key)
             severity = None if meant in _MANDATORY else Severity.WARNING
             text = f"key {key[:40]!r} is not known, {meant!r} may be meant"
             yield Hit(line, 1, text, severity=severity)
 
 
-def _foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
+def _foreign_keys(context: RuleContext) -> Iterator[tuple[Section, str]]:
     """Yield the keys that are not in DS 306, in sections whose keys the standard defines; only the first of very many."""
     seen: set[str] = set()
-    for section, key in _all_foreign_keys(sheet):
+    for section, key in _all_foreign_keys(context):
         seen.add(key)
         if len(seen) > _MAX_FOREIGN:
             return
         yield section, key
 
 
-def _all_foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
+def _all_foreign_keys(context: RuleContext) -> Iterator[tuple[Section, str]]:
     for name, known in _KEYS.items():
-        section = sheet.section(name)
+        section = context.section(name)
         if section is not None:
             for key in section.entries.keys() - known:
                 if not _may_be_there(name, key):
                     yield section, key
-    for section in sheet.reading.parts.described():
+    for section in context.reading.parts.described():
         if not section.entries.keys() <= OBJECT_KEYS:
             for key in section.entries:
                 if key not in OBJECT_KEYS and not key.startswith(_OTHER_MARKS):
@@ -172,17 +172,17 @@ def _all_foreign_keys(sheet: RuleContext) -> Iterator[tuple[Section, str]]:
 
 
 @finds("S019")
-def other_comments(sheet: RuleContext) -> Iterator[Hit]:
+def other_comments(context: RuleContext) -> Iterator[Hit]:
     """S019."""
     found = [
         (section, key)
-        for section in sheet.reading.parts.described()
+        for section in context.reading.parts.described()
         for key in section.entries
         if key.startswith(_OTHER_MARKS)
     ]
     if found:
         section, key = found[0]
-        line, _ = sheet.document.place(section, key)
+        line, _ = context.document.location(section, key)
         text = f"{key[:40]!r} is commented out by {key[:1]!r}, and ';' is the mark{_and_more(found)}"
         yield Hit(line, 1, text)
 
@@ -208,14 +208,14 @@ def _meant(key: str, known: frozenset[str]) -> str:
 
 
 def _matches(
-    sheet: RuleContext, pattern: re.Pattern[str], part: str, other: str
+    context: RuleContext, pattern: re.Pattern[str], part: str, other: str
 ) -> list[tuple[int, re.Match[str]]]:
     """Return the lines that match ``pattern``; they must contain ``part`` or ``other``, which is a quick test."""
-    if part not in sheet.text and other not in sheet.text:
+    if part not in context.text and other not in context.text:
         return []
     return [
         (number, match)
-        for number, line in enumerate(sheet.document.lines, 1)
+        for number, line in enumerate(context.document.lines, 1)
         if (part in line or other in line) and (match := pattern.match(line))
     ]
 

@@ -95,15 +95,15 @@ class AddressSpaceBuilder:
         kind = axis_type(axis)
         if kind is not None:
             row = OpcuaVariable(AXIS_TYPE, Type.UINT16, "The motion of the axis.", states=AXIS_TYPES)
-            made, text = await self._of_row(node, path, row, axis)
-            await self._write(made, ua.Variant(kind, ua.VariantType.UInt16))
+            created, text = await self._of_row(node, path, row, axis)
+            await self._write(created, ua.Variant(kind, ua.VariantType.UInt16))
             assert text is not None
             await self._write(
                 text, ua.Variant(ua.LocalizedText(AXIS_TYPES[kind]), ua.VariantType.LocalizedText)
             )
         for row in ROWS:
-            made, text = await self._of_row(node, path, row, axis)
-            self._values[axis.name, row.name] = made
+            created, text = await self._of_row(node, path, row, axis)
+            self._values[axis.name, row.name] = created
             if text is not None:
                 self._texts[axis.name, row.name] = text
         await self._methods(node, path, verbs, call, axis.name)
@@ -142,9 +142,9 @@ class AddressSpaceBuilder:
             NodeAttributes=attributes,
             TypeDefinition=ua.NodeId(kind),
         )
-        made = await self._server.iserver.isession.add_nodes([item])
-        made[0].StatusCode.check()
-        node = self._server.get_node(made[0].AddedNodeId)
+        created = await self._server.iserver.isession.add_nodes([item])
+        created[0].StatusCode.check()
+        node = self._server.get_node(created[0].AddedNodeId)
         await self._server.write_attribute_value(node.nodeid, ua.DataValue(StatusCode=_WAITING))
         return node
 
@@ -192,8 +192,8 @@ class AddressSpaceBuilder:
 def _calling(
     call: Call, verb: OpcuaMethod, axis: str, parent: ua.NodeId
 ) -> Callable[..., Awaitable[ua.CallMethodResult]]:
-    async def called(asked: ua.NodeId, *given: object) -> ua.CallMethodResult:
-        if asked != parent:  # the method of another object: this one must not be executed for it
+    async def called(object_id: ua.NodeId, *given: object) -> ua.CallMethodResult:
+        if object_id != parent:  # the method of another object: this one must not be executed for it
             return ua.CallMethodResult(StatusCode=ua.StatusCode(ua.StatusCodes.BadMethodInvalid))
         if given:
             return ua.CallMethodResult(StatusCode=ua.StatusCode(ua.StatusCodes.BadTooManyArguments))

@@ -92,14 +92,14 @@ Key = tuple[str, str]  # names of an axis and a variable
 class AxisReadings:
     """Hold the followed machine (None: none runs), its last known values, and the measured temperatures.
 
-    ``machine`` and ``temperatures`` may be set in a thread other than the one that calls ``look``.
+    ``machine`` and ``temperatures`` may be set in a thread other than the one that calls ``poll``.
     """
 
     def __init__(self, cell: CellConfig) -> None:
         self._cell = cell
         self._memory = Memory()
         self._machine: Machine | None = None
-        self._nothing = WAITING  # until the first machine runs
+        self._without_machine = WAITING  # until the first machine runs
         self.temperatures: dict[str, OpcuaValue] = {}
 
     @property
@@ -110,7 +110,7 @@ class AxisReadings:
     def follow(self, machine: Machine | None) -> None:
         """Follow another machine, or none: the values of the previous one are no longer usable."""
         if machine is not None:
-            self._nothing = GONE  # the state after this machine has ended
+            self._without_machine = GONE  # the state after this machine has ended
         self.temperatures = {}
         self._memory.forget()
         self._machine = machine
@@ -130,11 +130,11 @@ class AxisReadings:
             return time.monotonic()
         return max((snapshot.now for snapshot in machine.session.snapshots.values()), default=0.0)
 
-    def look(self) -> dict[Key, OpcuaValue]:
+    def poll(self) -> dict[Key, OpcuaValue]:
         """Return the reading of every variable of every axis of the cell."""
         machine, image = self._machine, self.image
         if machine is None or image is ImageFreshness.NONE:
-            return {(axis, row.name): self._nothing for axis in self._cell.axes for row in ROWS}
+            return {(axis, row.name): self._without_machine for axis in self._cell.axes for row in ROWS}
         snapshots, facts = dict(machine.session.snapshots), dict(machine.session.axes)
         found: dict[Key, OpcuaValue] = {}
         for axis in self._cell.axes:
@@ -167,7 +167,7 @@ class AxisReadings:
 
     def _temperature(self, axis: str) -> OpcuaValue:
         found = self.temperatures.get(axis, WAITING)
-        old = found.stamp is not None and self.now() - found.stamp > 2 * TEMPERATURES_EVERY
+        old = found.stamp is not None and self.now() - found.stamp > 2 * TEMPERATURE_PERIOD
         return (
             OpcuaValue(found.value, Quality.LAST_USABLE, found.stamp)
             if old and found.value is not None
@@ -175,7 +175,7 @@ class AxisReadings:
         )
 
 
-TEMPERATURES_EVERY = 10.0  # seconds between two readings of an axis
+TEMPERATURE_PERIOD = 10.0  # seconds between two readings of an axis
 
 
 def _travels(row: OpcuaVariable, facts: AxisFacts) -> bool:

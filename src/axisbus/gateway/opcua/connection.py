@@ -29,7 +29,7 @@ _KINDS = (b"HEL", b"OPN", b"MSG", b"CLO", b"ERR")
 _HEADER = 8  # octets: kind, chunk, and length
 _ACTIVATES = ua.NodeId(ua.ObjectIds.ActivateSessionRequest_Encoding_DefaultBinary)
 _CALLS = ua.NodeId(ua.ObjectIds.CallRequest_Encoding_DefaultBinary)
-_LOOK = 1.0  # seconds between two checks for an active session
+_CHECK_PERIOD = 1.0  # seconds between two checks for an active session
 
 
 class GuardedProcessor(UaProcessor):
@@ -37,7 +37,7 @@ class GuardedProcessor(UaProcessor):
 
     A password is checked first, because asyncua would block all other clients for that. Methods of a user are called in tasks of
     their own: a stop must not wait until an earlier call of the same connection ends. All other requests of clients wait for each
-    other (``GuardedServer.await_turn``), so that no stop waits for many of them.
+    other (``GuardedServer.await_lock``), so that no stop waits for many of them.
     """
 
     def __init__(self, *given: Any) -> None:
@@ -53,7 +53,7 @@ class GuardedProcessor(UaProcessor):
                 self._calls.add(call)
                 call.add_done_callback(self._calls.discard)
                 return True
-            await self.iserver.await_turn(named=session.is_named)
+            await self.iserver.await_lock(named=session.is_named)
             allow(limits.PIECES)
         given = self._given(body.copy())
         right = given is not None and await self.iserver.gate.check(*given)
@@ -88,28 +88,30 @@ class GuardedProtocol(OPCUAProtocol):
     """One connection: closed if its data are not OPC UA or too long, if no session is activated, or if the client does not read."""
 
     _unread: asyncio.TimerHandle | None = None
-    _look: asyncio.TimerHandle | None = None
+    _check_timer: asyncio.TimerHandle | None = None
     _since = 0.0  # when it last had an active session, or began
-    _greeted = False
-    _held = False  # reading is paused until the waiting messages are processed
+    _hello_received = False
+    _paused = False  # reading is paused until the waiting messages are processed
 
     @property
     def is_in(self) -> bool:
         """Whether the connection has an activated session that has not ended."""
         if self.processor is None or self.processor.session is None:
             return False
-        session, heard = self.processor.session, self.processor.session_last_activity
-        silent = heard is not None and time.monotonic() - heard > (session.session_timeout or 0.0)
+        session, last_message = self.processor.session, self.processor.session_last_activity
+        silent = last_message is not None and time.monotonic() - last_message > (
+            session.session_timeout or 0.0
+        )
         return session.is_activated() and not silent  # its client may have moved to another connection
 
     def connection_made(self, transport: Any) -> None:
         """Accept the connection if there is room."""
         peer = transport.get_extra_info("peername")
-        theirs = [] if peer is None else [each for each in self.clients if each.peer_name[0] == peer[0]]
+        of_address = [] if peer is None else [each for each in self.clients if each.peer_name[0] == peer[0]]
         if (
             peer is None
-            or not self._has_room(theirs, limits.OF_ADDRESS.connections)
-            or not self._has_room(self.clients, limits.CONNECTIONS)
+            or not self._admits(of_address, limits.OF_ADDRESS.connections)
+            or not self._admits(self.clients, limits.CONNECTIONS)
         ):
             transport.abort()
             return
@@ -117,17 +119,17 @@ class GuardedProtocol(OPCUAProtocol):
         self.processor = GuardedProcessor(self.iserver, self.transport, self.limits)
         self.processor.set_policies(self.policies)
         self._since = time.monotonic()
-        self._keep_looking()
+        self._check_session()
 
-    def _has_room(self, lines: list[OPCUAProtocol], most: int) -> bool:
+    def _admits(self, lines: list[OPCUAProtocol], limit: int) -> bool:
         """Return whether one more connection fits; if not, close the oldest without an activated session (OPC 10000-4 5.5.2.1).
 
         A connection whose session waits for its password to be checked is closed after those without a session.
         """
-        if len(lines) < most:
+        if len(lines) < limit:
             return True
-        outside = [each for each in lines if isinstance(each, GuardedProtocol) and not each.is_in]
-        oldest = min(outside, key=GuardedProtocol.has_session, default=None)
+        without_session = [each for each in lines if isinstance(each, GuardedProtocol) and not each.is_in]
+        oldest = min(without_session, key=GuardedProtocol.has_session, default=None)
         if oldest is None or oldest.transport is None:
             return False
         self.clients.remove(oldest)
@@ -138,7 +140,7 @@ class GuardedProtocol(OPCUAProtocol):
         """Whether a session was created on it."""
         return self.processor is not None and self.processor.session is not None
 
-    def _keep_looking(self) -> None:
+    def _check_session(self) -> None:
         """Close the connection if it has had no active session for too long: none was activated, or it has ended."""
         transport, now = self.transport, time.monotonic()
         if transport is None:
@@ -148,7 +150,7 @@ class GuardedProtocol(OPCUAProtocol):
         elif now - self._since > limits.PATIENCE:
             transport.abort()
             return
-        self._look = asyncio.get_running_loop().call_later(_LOOK, self._keep_looking)
+        self._check_timer = asyncio.get_running_loop().call_later(_CHECK_PERIOD, self._check_session)
 
     def data_received(self, data: bytes) -> None:
         """Process received data if they can be the beginning of a message."""
@@ -157,50 +159,50 @@ class GuardedProtocol(OPCUAProtocol):
             return
         if self._is_wrong():
             self.transport.abort()
-        elif not self._held and self.messages.qsize() > limits.WAITING:
-            self._held = True
+        elif not self._paused and self.messages.qsize() > limits.WAITING:
+            self._paused = True
             self.transport.pause_reading()
 
     async def _process_one_msg(self, header: Any, buf: Any) -> bool:
-        going = await self._processed(header, buf)
-        if not going and self.transport is not None:
+        continues = await self._processed(header, buf)
+        if not continues and self.transport is not None:
             self.transport.close()
-        if self._held and self.messages.qsize() <= limits.WAITING // 2 and self.transport is not None:
-            self._held = False
+        if self._paused and self.messages.qsize() <= limits.WAITING // 2 and self.transport is not None:
+            self._paused = False
             if not self.transport.is_closing():
                 self.transport.resume_reading()
-        return going
+        return continues
 
     async def _processed(self, header: Any, buf: Any) -> bool:
         """Process a message, return whether the connection continues; asyncua would also continue after an unreadable message."""
         await asyncio.sleep(0)  # other connections are served between two messages of this one
         allow(limits.PIECES)
         try:
-            return self._is_welcome(header, buf) and bool(await super()._process_one_msg(header, buf))
+            return self._is_permitted(header, buf) and bool(await super()._process_one_msg(header, buf))
         except Exception:
             log.debug("OPC UA: a message cannot be decoded", exc_info=True)
             return False
 
-    def _is_welcome(self, header: Any, buf: Any) -> bool:
+    def _is_permitted(self, header: Any, buf: Any) -> bool:
         """Return whether a message is permitted now: asyncua would accept one even without an open channel."""
         if header.MessageType == ua.MessageType.Hello:
-            return self._is_sound_greeting(buf)
+            return self._is_valid_hello(buf)
         if header.MessageType in (ua.MessageType.SecureMessage, ua.MessageType.SecureClose):
             return self.processor is not None and bool(self.processor._connection.is_open())
         return True
 
-    def _is_sound_greeting(self, buf: Any) -> bool:
+    def _is_valid_hello(self, buf: Any) -> bool:
         """Return whether it is the first Hello, and its buffers are as large as required (OPC 10000-6 7.1.2.3)."""
         _, receives, sends = struct.unpack_from("<III", bytes(buf))
-        again, self._greeted = self._greeted, True
-        return not again and min(receives, sends) >= limits.LEAST_CHUNK
+        repeated, self._hello_received = self._hello_received, True
+        return not repeated and min(receives, sends) >= limits.LEAST_CHUNK
 
     def _is_wrong(self) -> bool:
         """Return whether the remaining data are no beginning of a message, or the client has too much unread data."""
         assert self.transport is not None
-        left = self._buffer
-        length = int.from_bytes(left[4:_HEADER], "little") if len(left) >= _HEADER else 0
-        kind = bool(left) and not any(each.startswith(left[:3]) for each in _KINDS)
+        unread = self._buffer
+        length = int.from_bytes(unread[4:_HEADER], "little") if len(unread) >= _HEADER else 0
+        kind = bool(unread) and not any(each.startswith(unread[:3]) for each in _KINDS)
         return kind or length > limits.CHUNK or self.transport.get_write_buffer_size() > limits.UNREAD
 
     def pause_writing(self) -> None:
@@ -218,8 +220,8 @@ class GuardedProtocol(OPCUAProtocol):
     def connection_lost(self, ex: BaseException | None) -> None:
         """Note that the connection has ended."""
         self.resume_writing()
-        if self._look is not None:
-            self._look.cancel()
+        if self._check_timer is not None:
+            self._check_timer.cancel()
         super().connection_lost(ex)
 
 
@@ -264,38 +266,38 @@ class GuardedListener(BinaryServer):
 _Unpack = Callable[[Any], Any]
 _read = Buffer.read
 _arrays, _lists = ua_binary._create_uatype_array_deserializer, ua_binary._create_list_deserializer
-_left = (
+_remaining = (
     threading.local()
 )  # ``pieces`` left for the present message; unset in other threads, such as a client's
 
 
 def allow(pieces: int) -> None:
     """Set the number of pieces in which the next message of this thread may be decoded."""
-    _left.pieces = pieces
+    _remaining.pieces = pieces
 
 
 def _refused(why: str) -> Exception:
     return ua.uaerrors.BadDecodingError(why)
 
 
-def _read_soundly(buffer: Buffer, size: int) -> bytes:
+def _read_checked(buffer: Buffer, size: int) -> bytes:
     if size < 0:
         raise _refused("a length below zero")
-    pieces = getattr(_left, "pieces", None)
+    pieces = getattr(_remaining, "pieces", None)
     if pieces is not None:
         if pieces <= 0:
             raise _refused("too many chunks")
-        _left.pieces = pieces - 1
+        _remaining.pieces = pieces - 1
     return _read(buffer, size)
 
 
-def _within(unpack: _Unpack, nothings: bool = False) -> _Unpack:
+def _bounded(unpack: _Unpack, null_values: bool = False) -> _Unpack:
     """Return an array decoder that checks whether the elements can fit into the remaining octets."""
 
     def unpacked(data: Any) -> Any:
         start = data.copy()
         length = ua_binary.Primitives.Int32.unpack(start)
-        if length > (0 if nothings else len(start)):
+        if length > (0 if null_values else len(start)):
             raise _refused("an array that is longer than its message")
         return unpack(data)
 
@@ -303,16 +305,16 @@ def _within(unpack: _Unpack, nothings: bool = False) -> _Unpack:
 
 
 def _array(kind: Any) -> _Unpack:
-    return _within(_arrays(kind), kind is ua.VariantType.Null)
+    return _bounded(_arrays(kind), kind is ua.VariantType.Null)
 
 
 def _list(kind: Any) -> _Unpack:
-    return _within(_lists(kind))
+    return _bounded(_lists(kind))
 
 
 def install() -> None:
     """Install the limits in asyncua for the whole process; harmless when repeated."""
-    Buffer.read = _read_soundly
+    Buffer.read = _read_checked
     ua_binary._create_uatype_array_deserializer = _array
     ua_binary._create_list_deserializer = _list
     subscription_service.InternalSubscription = LimitedSubscription

@@ -35,7 +35,7 @@ class OpcuaEvent(NamedTuple):
     axis: str = ""
 
 
-def told(happenings: Iterable[MachineEvent]) -> list[OpcuaEvent]:
+def opcua_events(events: Iterable[MachineEvent]) -> list[OpcuaEvent]:
     """Return the events to report, in their order."""
     return [
         OpcuaEvent(
@@ -46,6 +46,6 @@ def told(happenings: Iterable[MachineEvent]) -> list[OpcuaEvent]:
             one.remedy,
             ", ".join(one.axes),
         )
-        for one in happenings
+        for one in events
         if (one.kind, one.severity) in SEVERITIES
     ]

@@ -24,7 +24,7 @@ from axisbus.gateway.opcua.session import PEER, GuardedSession
 from axisbus.gateway.opcua.users import Users
 
 log = logging.getLogger("axisbus")
-_TOLD = {  # by their names in OPC 10000-5 6.3.11
+_REPORTED_LIMITS = {  # by their names in OPC 10000-5 6.3.11
     "MaxNodesPerRead": limits.READS,
     "MaxNodesPerBrowse": limits.BROWSES,
     "MaxNodesPerMethodCall": limits.CALLS,
@@ -48,7 +48,7 @@ class OpcuaUserManager:
 
     def __init__(self, users: Users | None, *, anonymous: bool) -> None:
         self._users, self._anonymous = users, anonymous
-        self._looking = ThreadPoolExecutor(1, "axisbus-opcua-password")
+        self._password_thread = ThreadPoolExecutor(1, "axisbus-opcua-password")
         self._salt = secrets.token_bytes(32)
         self._right: dict[str, bytes] = {}
 
@@ -59,7 +59,7 @@ class OpcuaUserManager:
         if hmac.compare_digest(self._right.get(username, b""), self._digest(password)):
             return True
         found = await asyncio.get_running_loop().run_in_executor(
-            self._looking, self._users.let_in, username, password
+            self._password_thread, self._users.is_correct, username, password
         )
         if not found:
             await asyncio.sleep(limits.WRONG)
@@ -69,7 +69,7 @@ class OpcuaUserManager:
 
     def close(self) -> None:
         """End its thread."""
-        self._looking.shutdown(wait=False, cancel_futures=True)
+        self._password_thread.shutdown(wait=False, cancel_futures=True)
 
     def get_user(
         self,
@@ -105,7 +105,7 @@ class GuardedServer(InternalServer):
         self.before_read = before
         self.connections: list[OPCUAProtocol] = []
         self._ending: set[asyncio.Task[None]] = set()
-        self._turn, self._nameless_turn = asyncio.Lock(), asyncio.Lock()
+        self._lock, self._nameless_lock = asyncio.Lock(), asyncio.Lock()
         self._encrypted = encrypted
         self.allow_remote_admin = False
         self.supported_tokens = (ua.AnonymousIdentityToken, ua.UserNameIdentityToken)
@@ -121,9 +121,9 @@ class GuardedServer(InternalServer):
     async def setup_nodes(self) -> None:
         """Report the limits of one request to clients, so that they can split their requests."""
         await super().setup_nodes()
-        for name, most in _TOLD.items():
+        for name, limit in _REPORTED_LIMITS.items():
             node = ua.NodeId(getattr(ua.ObjectIds, f"Server_ServerCapabilities_OperationLimits_{name}"))
-            value = ua.DataValue(ua.Variant(most, ua.VariantType.UInt32))
+            value = ua.DataValue(ua.Variant(limit, ua.VariantType.UInt32))
             await self.aspace.write_attribute_value(node, ua.AttributeIds.Value, value)
 
     def create_session(
@@ -142,23 +142,23 @@ class GuardedServer(InternalServer):
         for session in list(self._external_sessions.values()):
             if isinstance(session, GuardedSession) and session.is_stale:
                 self.unregister_external_session(session)
-        made = GuardedSession(self, name, User(role=UserRole.Anonymous))
-        made.required = self._encrypted
-        return made
+        created = GuardedSession(self, name, User(role=UserRole.Anonymous))
+        created.required = self._encrypted
+        return created
 
-    async def await_turn(self, *, named: bool) -> None:
+    async def await_lock(self, *, named: bool) -> None:
         """Wait until a request may be processed: one after the other, and of clients without a name only one waits beside users.
 
         Between two requests, the methods of users are called, and new clients connect.
         """
         if not named:
-            async with self._nameless_turn:
-                await self.await_turn(named=True)
+            async with self._nameless_lock:
+                await self.await_lock(named=True)
             return
-        async with self._turn:
+        async with self._lock:
             await asyncio.sleep(0)
 
-    def has_place(self, session: GuardedSession, *, named: bool) -> bool:
+    def admits(self, session: GuardedSession, *, named: bool) -> bool:
         """Return whether one more client may be admitted, with a name or without: each kind has places of its own.
 
         If there are too many, the oldest session without a connection ends.
@@ -169,32 +169,34 @@ class GuardedServer(InternalServer):
             for each in self._external_sessions.values()
             if each is not session and each.is_activated() and each.is_named is named
         ]
-        theirs = group if named else [each for each in group if each.name[0] == address]
-        every = len(group) >= limits.SESSIONS
-        if not every and (named or len(theirs) < limits.OF_ADDRESS.sessions):
+        candidates = group if named else [each for each in group if each.name[0] == address]
+        is_full = len(group) >= limits.SESSIONS
+        if not is_full and (named or len(candidates) < limits.OF_ADDRESS.sessions):
             return True
-        left = self.left_behind(group if every else theirs)
-        if left is not None:
-            self.unregister_external_session(left)
-            ending = asyncio.get_running_loop().create_task(left.close_session(True))
+        ended = self.first_disconnected(group if is_full else candidates)
+        if ended is not None:
+            self.unregister_external_session(ended)
+            ending = asyncio.get_running_loop().create_task(ended.close_session(True))
             self._ending.add(ending)
             ending.add_done_callback(self._ending.discard)
-        return left is not None
+        return ended is not None
 
-    def left_behind(self, sessions: Iterable[Any]) -> Any:
+    def first_disconnected(self, sessions: Iterable[Any]) -> Any:
         """Return the first of some sessions that has no connection; None if each has one."""
-        held = {id(each.processor.session) for each in self.connections if each.processor is not None}
-        return next((each for each in sessions if id(each) not in held), None)
+        connected = {id(each.processor.session) for each in self.connections if each.processor is not None}
+        return next((each for each in sessions if id(each) not in connected), None)
 
     def nameless(self, address: str | None = None) -> list[Any]:
         """Return the sessions of clients without a name, of one address or of all, oldest first."""
-        every = self._external_sessions.values()
-        return [each for each in every if not each.is_named and address in (None, each.name[0])]
+        all_sessions = self._external_sessions.values()
+        return [each for each in all_sessions if not each.is_named and address in (None, each.name[0])]
 
     def subscriptions_of(self, sessions: Iterable[Any]) -> int:
         """Return the number of subscriptions of some sessions."""
-        theirs = {each.session_id for each in sessions}
-        return sum(each.session_id in theirs for each in self.subscription_service.subscriptions.values())
+        session_ids = {each.session_id for each in sessions}
+        return sum(
+            each.session_id in session_ids for each in self.subscription_service.subscriptions.values()
+        )
 
     def certificate_of(self, name: str) -> bytes:
         """Return the certificate with which a connection opened its channel; empty if it has none."""

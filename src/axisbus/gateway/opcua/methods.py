@@ -63,12 +63,12 @@ def given(axis: Axis, verb: OpcuaMethod, stops: MergedStops) -> Handle | Axisbus
     try:
         if verb is OpcuaMethod.RESET:
             return axis.reset()
-        return stops.give(axis.name, "halt" if verb is OpcuaMethod.HALT else "quick_stop")
+        return stops.send(axis.name, "halt" if verb is OpcuaMethod.HALT else "quick_stop")
     except AxisbusError as error:
         return error
 
 
-async def carry_out(
+async def execute(
     machine: Machine, verb: OpcuaMethod, axes: Sequence[str], stops: MergedStops, limit: float
 ) -> MethodResult:
     """Give each axis its command at once, and wait at most ``limit`` seconds for all to end.
@@ -99,10 +99,10 @@ def _of(axis: Axis, command: Handle | AxisbusError, limit: float) -> MethodResul
     if isinstance(command, Handle) and command.busy:
         after = f"after {limit:g} s" if limit else "yet, and too many calls of this user wait for their ends"
         return MethodResult("BadTimeout", f"{command.name}: not completed {after}; it continues")
-    return MethodResult("Good", _whereabouts(axis))
+    return MethodResult("Good", _position_text(axis))
 
 
-def _whereabouts(axis: Axis) -> str:
+def _position_text(axis: Axis) -> str:
     try:
         return f"{axis.name}: {axis.state.value} at {axis.position:g} {axis.unit}"
     except StaleError:

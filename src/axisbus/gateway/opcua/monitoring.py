@@ -28,7 +28,7 @@ log = logging.getLogger("axisbus")
 _Codes = ua.StatusCodes
 _Op = ua.FilterOperator
 _NOT_EVALUATED = {_Op.Like, _Op.Cast, _Op.InView, _Op.RelatedTo, _Op.BitwiseAnd, _Op.BitwiseOr}  # by asyncua
-_THING = 50  # bytes of a value that is neither a text nor an array
+_SCALAR_SIZE = 50  # bytes of a value that is neither a text nor an array
 _BASE = ua.NodeId(ua.ObjectIds.BaseEventType)
 _Value = tuple[ua.NodeId, int]  # a node and its attribute
 
@@ -159,34 +159,34 @@ class MonitoringSession(InternalSession):
         self, params: ua.CreateMonitoredItemsParameters
     ) -> list[ua.MonitoredItemCreateResult]:
         """Create monitored items; an item with an invalid filter is refused, the others are created."""
-        service, asked = self._service(params.SubscriptionId), params.ItemsToCreate
+        service, requested = self._service(params.SubscriptionId), params.ItemsToCreate
         assert isinstance(self.subscription_service, Subscriptions)
-        most = limits.ALL_MONITORED if self.is_named else limits.NAMELESS_MONITORED
-        together = self.subscription_service.items + len(asked) <= most
-        if not together or len(service._monitored_items) + len(asked) > limits.MONITORED:
+        limit = limits.ALL_MONITORED if self.is_named else limits.NAMELESS_MONITORED
+        together = self.subscription_service.items + len(requested) <= limit
+        if not together or len(service._monitored_items) + len(requested) > limits.MONITORED:
             raise ServiceError(_Codes.BadTooManyMonitoredItems)
         fresh = Counter[_Value]()
-        codes = [self._refusal(each, fresh) for each in asked]
-        params.ItemsToCreate = [each for each, code in zip(asked, codes, strict=True) if code is None]
-        made = iter(await super().create_monitored_items(params))
+        codes = [self._refusal(each, fresh) for each in requested]
+        params.ItemsToCreate = [each for each, code in zip(requested, codes, strict=True) if code is None]
+        created = iter(await super().create_monitored_items(params))
         return [
-            next(made) if code is None else ua.MonitoredItemCreateResult(StatusCode=ua.StatusCode(code))
+            next(created) if code is None else ua.MonitoredItemCreateResult(StatusCode=ua.StatusCode(code))
             for code in codes
         ]
 
-    def _refusal(self, asked: ua.MonitoredItemCreateRequest, fresh: Counter[_Value]) -> int | None:
+    def _refusal(self, requested: ua.MonitoredItemCreateRequest, fresh: Counter[_Value]) -> int | None:
         """Return why an item is refused, None if it is not; ``fresh``: the accepted items of the request, by their values."""
-        item = asked.ItemToMonitor
+        item = requested.ItemToMonitor
         event = item.AttributeId == ua.AttributeIds.EventNotifier
         value = ua.NodeId() if event else item.NodeId, item.AttributeId
-        most = limits.NAMELESS_EVENTS if event else limits.NAMELESS_OF_VARIABLE
+        limit = limits.NAMELESS_EVENTS if event else limits.NAMELESS_OF_VARIABLE
         present = self.subscription_service.event_items if event else self._monitored(value)
-        if not self.is_named and present + fresh[value] >= most:
+        if not self.is_named and present + fresh[value] >= limit:
             return _Codes.BadTooManyMonitoredItems
         fresh[value] += 1
         if weight(self.aspace.read_attribute_value(item.NodeId, item.AttributeId).Value) > limits.LARGE:
             return _Codes.BadNotSupported
-        return _refusal(item.AttributeId, asked.RequestedParameters.Filter)
+        return _refusal(item.AttributeId, requested.RequestedParameters.Filter)
 
     def _monitored(self, value: _Value) -> int:
         """Return the number of items that monitor a value: each write of the value reaches all of them without a pause."""
@@ -216,15 +216,15 @@ class Items(MonitoredItemService):
     """The items of one subscription."""
 
     def _make_monitored_item_common(self, params: ua.MonitoredItemCreateRequest) -> Any:
-        result, made = super()._make_monitored_item_common(params)
-        made.mvalue = _Values()
-        return result, made
+        result, created = super()._make_monitored_item_common(params)
+        created.mvalue = _Values()
+        return result, created
 
     def _create_events_monitored_item(self, params: ua.MonitoredItemCreateRequest) -> Any:
         result = super()._create_events_monitored_item(params)
-        made = self._monitored_items.get(result.MonitoredItemId)
-        if made is not None:
-            self.filter_by(made, params.RequestedParameters.Filter)
+        created = self._monitored_items.get(result.MonitoredItemId)
+        if created is not None:
+            self.filter_by(created, params.RequestedParameters.Filter)
         return result
 
     def filter_by(self, item: MonitoredItemData, given: Any) -> None:
@@ -240,13 +240,13 @@ def weight(value: object) -> int:
         return weight(value.Value)
     if isinstance(value, str | bytes):
         return len(value)
-    return sum(map(weight, value)) if isinstance(value, list | tuple) else _THING
+    return sum(map(weight, value)) if isinstance(value, list | tuple) else _SCALAR_SIZE
 
 
 def _modified(
-    service: MonitoredItemService, asked: ua.MonitoredItemModifyRequest
+    service: MonitoredItemService, requested: ua.MonitoredItemModifyRequest
 ) -> ua.MonitoredItemModifyResult:
-    found, given = service._monitored_items.get(asked.MonitoredItemId), asked.RequestedParameters
+    found, given = service._monitored_items.get(requested.MonitoredItemId), requested.RequestedParameters
     if found is None or found.read_value_id is None:
         return ua.MonitoredItemModifyResult(StatusCode=ua.StatusCode(_Codes.BadMonitoredItemIdInvalid))
     code = _refusal(found.read_value_id.AttributeId, given.Filter)
@@ -281,10 +281,12 @@ def _refusal_of_event(given: ua.EventFilter) -> int | None:
 def _is_small(elements: Sequence[ua.ContentFilterElement]) -> bool:
     """Whether a filter has few elements that form a tree, so that each is evaluated once (OPC 10000-4 7.7.4.2)."""
     named = [
-        (place, each.Index)
-        for place, element in enumerate(elements)
+        (position, each.Index)
+        for position, element in enumerate(elements)
         for each in element.FilterOperands
         if isinstance(each, ua.ElementOperand)
     ]
-    tree = all(index > place for place, index in named) and len({index for _, index in named}) == len(named)
+    tree = all(index > position for position, index in named) and len({index for _, index in named}) == len(
+        named
+    )
     return tree and len(elements) <= limits.OPERANDS

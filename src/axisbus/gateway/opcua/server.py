@@ -21,11 +21,11 @@ from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import AxisbusError, StateError, one_line
 from axisbus.gateway.opcua import connection, limits
 from axisbus.gateway.opcua.address_space import URI, AddressSpaceBuilder
-from axisbus.gateway.opcua.axis_readings import TEMPERATURES_EVERY, AxisReadings, measured
+from axisbus.gateway.opcua.axis_readings import TEMPERATURE_PERIOD, AxisReadings, measured
 from axisbus.gateway.opcua.connection import GuardedListener
 from axisbus.gateway.opcua.event_mapping import REFUSED, OpcuaEvent
 from axisbus.gateway.opcua.limited_server import GuardedServer, OpcuaUserManager
-from axisbus.gateway.opcua.methods import NO_MACHINE, MethodResult, OpcuaMethod, carry_out, status_of
+from axisbus.gateway.opcua.methods import NO_MACHINE, MethodResult, OpcuaMethod, execute, status_of
 from axisbus.gateway.opcua.server_options import ServerOptions
 from axisbus.gateway.opcua.session import CALLER
 from axisbus.gateway.opcua.trust import Rules, Trust, guarded, trusted, uri_of
@@ -35,7 +35,7 @@ from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
 log = logging.getLogger("axisbus")
-_PATIENCE = 120.0  # seconds for its start: it creates some ten thousand nodes of the standard, slowly on a slow computer
+_START_TIMEOUT = 120.0  # seconds for its start: it creates some ten thousand nodes of the standard, slowly on a slow computer
 _LAST = 5.0  # seconds for the end of the server
 _POLICIES = {
     True: [ua.SecurityPolicyType.Basic256Sha256_SignAndEncrypt],
@@ -68,7 +68,7 @@ class _Server(Server):
 class OpcUaServer:
     """Serve a cell until ``close``; holds the thread, the loop, and the objects of the loop."""
 
-    def __init__(self, cell: CellConfig, name: str, listening: socket.socket, keeping: ServerOptions) -> None:
+    def __init__(self, cell: CellConfig, name: str, listening: socket.socket, options: ServerOptions) -> None:
         """Serve on a bound socket; ``name`` is the name of the cell. Blocks for some seconds, until it serves.
 
         Raises:
@@ -76,11 +76,11 @@ class OpcUaServer:
         """
         quiet()
         connection.install()
-        self._cell, self._name, self._listening, self._keeping = cell, name, listening, keeping
-        self._looker = AxisReadings(cell)
+        self._cell, self._name, self._listening, self._options = cell, name, listening, options
+        self._readings = AxisReadings(cell)
         self._events = OpcuaEventSender()
-        self._trust = None if keeping.trust is None else trusted(keeping.trust)
-        self._uri = _uri(name) if keeping.certificate is None else uri_of(keeping.certificate)
+        self._trust = None if options.trust is None else trusted(options.trust)
+        self._uri = _uri(name) if options.certificate is None else uri_of(options.certificate)
         self._loop = asyncio.new_event_loop()
         self._updater: Updater | None = None
         self._ending = asyncio.Event()
@@ -103,18 +103,18 @@ class OpcUaServer:
 
     def follow(self, machine: Machine | None) -> None:
         """Follow another machine, or none; does not block."""
-        self._looker.follow(machine)
-        self._soon(self._update)
+        self._readings.follow(machine)
+        self._schedule(self._update)
 
     def now(self) -> float:
         """The time of the machine's clock, in seconds."""
-        return self._looker.now()
+        return self._readings.now()
 
-    def tell(self, told: Sequence[OpcuaEvent], devices: tuple[str, ...]) -> None:
+    def report(self, events: Sequence[OpcuaEvent], devices: tuple[str, ...]) -> None:
         """Send events, and write the identity of each node; does not block."""
         clock, utc = self.now(), datetime.now(UTC)
-        timed = [(each, utc - timedelta(seconds=max(0.0, clock - each.stamp))) for each in told]
-        self._soon(lambda: self._tell(timed, devices))
+        timed = [(each, utc - timedelta(seconds=max(0.0, clock - each.stamp))) for each in events]
+        self._schedule(lambda: self._report(timed, devices))
 
     def close(self) -> None:
         """End the server; blocks briefly."""
@@ -140,7 +140,7 @@ class OpcUaServer:
 
     def _await_start(self) -> None:
         try:
-            self._started.result(_PATIENCE)
+            self._started.result(_START_TIMEOUT)
         except Exception as error:
             self._listening.close()
             raise StateError(
@@ -148,48 +148,50 @@ class OpcUaServer:
             ) from error
 
     async def _serve(self) -> None:
-        server = await self._made()
-        working = [asyncio.create_task(each()) for each in (self._keep_updating, self._keep_measuring)]
+        server = await self._create()
+        cyclic_tasks = [
+            asyncio.create_task(each()) for each in (self._update_cyclically, self._measure_cyclically)
+        ]
         try:
             await server.start()
             self._started.set_result(None)
             await self._ending.wait()
         finally:
-            for task in working:
+            for task in cyclic_tasks:
                 task.cancel()
             await server.stop()
 
-    async def _made(self) -> Server:
-        keeping = self._keeping
-        gate = OpcuaUserManager(keeping.users, anonymous=keeping.access.anonymous)
-        encrypted = keeping.access.encrypted
-        inner = GuardedServer(gate, encrypted=encrypted, before=self._before_read)
+    async def _create(self) -> Server:
+        options = self._options
+        user_manager = OpcuaUserManager(options.users, anonymous=options.access.anonymous)
+        encrypted = options.access.encrypted
+        inner = GuardedServer(user_manager, encrypted=encrypted, before=self._update_if_old)
         server = _Server(inner, self._listening, encrypted, self._trust)
         await server.init()
         await server.set_application_uri(self._uri)
         server.set_endpoint(self.url)
         await server.set_build_info("urn:axisbus", "axisbus", "axisbus", __version__, "", datetime.now(UTC))
-        if keeping.certificate is not None and keeping.key is not None:
-            await server.load_certificate(keeping.certificate, "pem")
-            await server.load_private_key(keeping.key, format="pem")
+        if options.certificate is not None and options.key is not None:
+            await server.load_certificate(options.certificate, "pem")
+            await server.load_private_key(options.key, format="pem")
         index = await server.register_namespace(URI)
-        calls = OpcuaMethodCalls(self._looker, self._cell)
+        calls = OpcuaMethodCalls(self._readings, self._cell)
         nodes = await AddressSpaceBuilder(server, self._cell, self._name, index).build(
-            keeping.verbs, calls.call
+            options.verbs, calls.call
         )
         await self._events.build(server, index, nodes.incidents)
         calls.refused = self._refused
-        self._updater = Updater(server, nodes, self._looker)
+        self._updater = Updater(server, nodes, self._readings)
         return server
 
-    async def _before_read(self) -> None:
+    async def _update_if_old(self) -> None:
         if self._updater is not None and self._updater.is_old:
             await self._update()
 
-    async def _keep_updating(self) -> None:
+    async def _update_cyclically(self) -> None:
         while True:
             await self._update()
-            await asyncio.sleep(1.0 / self._keeping.rate)
+            await asyncio.sleep(1.0 / self._options.rate)
 
     async def _update(self) -> None:
         """Write the readings; if that fails, for example while a machine ends, all values are bad until the next update."""
@@ -202,28 +204,28 @@ class OpcUaServer:
                 log.exception("the values of the machine cannot be published by OPC UA")
             self._fails = True
 
-    async def _keep_measuring(self) -> None:
+    async def _measure_cyclically(self) -> None:
         while True:
-            machine = self._looker.machine
-            if machine is not None and self._looker.image.value != "none":
+            machine = self._readings.machine
+            if machine is not None and self._readings.image.value != "none":
                 with suppress(Exception):  # the machine may end meanwhile; the next update shows that
                     await asyncio.to_thread(self._measure, machine)
-            await asyncio.sleep(TEMPERATURES_EVERY if machine is not None else 1.0)
+            await asyncio.sleep(TEMPERATURE_PERIOD if machine is not None else 1.0)
 
     def _measure(self, machine: Machine) -> None:
-        for axis, reading in measured(machine, self._looker.now):
-            if self._looker.machine is machine:
-                self._looker.temperatures[axis] = reading
+        for axis, reading in measured(machine, self._readings.now):
+            if self._readings.machine is machine:
+                self._readings.temperatures[axis] = reading
 
-    async def _refused(self, told: OpcuaEvent) -> None:
-        await self._events.send([(told, datetime.now(UTC))])
+    async def _refused(self, event: OpcuaEvent) -> None:
+        await self._events.send([(event, datetime.now(UTC))])
 
-    async def _tell(self, timed: Sequence[tuple[OpcuaEvent, datetime]], devices: tuple[str, ...]) -> None:
+    async def _report(self, timed: Sequence[tuple[OpcuaEvent, datetime]], devices: tuple[str, ...]) -> None:
         await self._events.send(timed)
         if self._updater is not None:
-            await self._updater.tell_devices(devices)
+            await self._updater.write_devices(devices)
 
-    def _soon(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
+    def _schedule(self, work: Callable[[], Coroutine[Any, Any, None]]) -> None:
         """Schedule work in the loop; if the loop has ended, do nothing."""
         with suppress(RuntimeError):
             self._loop.call_soon_threadsafe(lambda: self._loop.create_task(work()))
@@ -252,7 +254,7 @@ def _end_all(loop: asyncio.AbstractEventLoop) -> None:
 # -- Carry out a method called by a client as one command of each axis; report refusals as events ----------------------
 
 
-async def _nobody_is_told(_: OpcuaEvent) -> None:
+async def _ignore_refusal(_: OpcuaEvent) -> None:
     return None
 
 
@@ -262,30 +264,30 @@ class OpcuaMethodCalls:
     It holds the running stops of the machine, and of each user the number of calls that wait and the rate of events.
     """
 
-    def __init__(self, looker: AxisReadings, cell: CellConfig) -> None:
-        self._looker, self._cell = looker, cell
+    def __init__(self, readings: AxisReadings, cell: CellConfig) -> None:
+        self._readings, self._cell = readings, cell
         self._stops: tuple[Machine, MergedStops] | None = None
         self._waiting: Counter[str] = Counter()
         self._events: defaultdict[str, Bucket] = defaultdict(lambda: Bucket(*limits.REFUSALS))
-        self.refused: Callable[[OpcuaEvent], Awaitable[None]] = _nobody_is_told
+        self.refused: Callable[[OpcuaEvent], Awaitable[None]] = _ignore_refusal
 
     async def call(self, verb: OpcuaMethod, axis: str) -> ua.CallMethodResult:
         """Carry out a method on an axis, or on all ("").
 
         By the standard, a call with a bad status has no result, so its text is sent as an event, within a rate for each user.
         """
-        ended = await self._carried_out(verb, axis)
+        ended = await self._execute(verb, axis)
         log.info("OPC UA: %s of %s for %s: %s", verb.value, axis or "all axes", CALLER.get(), ended.status)
         result = ua.CallMethodResult(StatusCode=ua.StatusCode(getattr(ua.StatusCodes, ended.status)))
         if ended.status == "Good":
             result.OutputArguments = [ua.Variant(ended.text, ua.VariantType.String)]
         elif self._events[CALLER.get()].take(time.monotonic()):
             words = f"{verb.value} of {axis or 'all axes'}, called by {CALLER.get()}, failed"
-            await self.refused(OpcuaEvent(self._looker.now(), REFUSED, words, ended.text, axis=axis))
+            await self.refused(OpcuaEvent(self._readings.now(), REFUSED, words, ended.text, axis=axis))
         return result
 
-    async def _carried_out(self, verb: OpcuaMethod, axis: str) -> MethodResult:
-        machine = self._looker.machine
+    async def _execute(self, verb: OpcuaMethod, axis: str) -> MethodResult:
+        machine = self._readings.machine
         if machine is None or machine.session.ended:
             return NO_MACHINE
         axes = [axis] if axis else list(self._cell.axes)
@@ -304,7 +306,7 @@ class OpcuaMethodCalls:
         limit = limits.HALTING if self._waiting[user] < limits.WAITING_CALLS else 0.0
         self._waiting[user] += 1
         try:
-            return await carry_out(machine, verb, axes, self._stops[1], limit)
+            return await execute(machine, verb, axes, self._stops[1], limit)
         finally:
             self._waiting[user] -= 1
 
@@ -316,7 +318,7 @@ class OpcuaMethodCalls:
         """
         with Machine.attach(self._cell.file, command=True) as machine:
             stops = MergedStops(machine)
-            return asyncio.run(carry_out(machine, OpcuaMethod.RESET, axes, stops, limits.HALTING))
+            return asyncio.run(execute(machine, OpcuaMethod.RESET, axes, stops, limits.HALTING))
 
 
 # -- Errors and warnings as events of OPC UA, emitted by the server and by the cell's node Incidents -------------------
@@ -347,13 +349,13 @@ class OpcuaEventSender:
 
     async def send(self, timed: Sequence[tuple[OpcuaEvent, datetime]]) -> None:
         """Send each event with the time at which it happened."""
-        for told, when in timed:
+        for opcua_event, when in timed:
             for generator in self._generators:
-                await _trigger(generator, told, when)
+                await _trigger(generator, opcua_event, when)
 
 
-async def _trigger(generator: Any, told: OpcuaEvent, when: datetime) -> None:
+async def _trigger(generator: Any, opcua_event: OpcuaEvent, when: datetime) -> None:
     event = generator.event
-    event.Severity = told.severity
-    event.Cause, event.Remedy, event.Axis = told.cause, told.remedy, told.axis
-    await generator.trigger(when, told.message)
+    event.Severity = opcua_event.severity
+    event.Cause, event.Remedy, event.Axis = opcua_event.cause, opcua_event.remedy, opcua_event.axis
+    await generator.trigger(when, opcua_event.message)

@@ -61,13 +61,13 @@ def decide(given: Given) -> Access:
     Raises:
         ArgumentError: the options contradict each other, or would admit any client that reaches the address.
     """
-    _require_sense(given)
+    _require_consistent(given)
     if not given.certificate:
         return Access(False, False, True, given.users)
     return Access(True, given.trust, given.trust, given.users)
 
 
-def _require_sense(given: Given) -> None:
+def _require_consistent(given: Given) -> None:
     if not (given.loopback or given.certificate or given.insecure):
         raise ArgumentError(
             "other computers can reach the address",

@@ -53,14 +53,14 @@ class GuardedSession(MonitoringSession):
         if self.required and not peer_certificate:
             raise ServiceError(ua.StatusCodes.BadSecurityModeInsufficient)
         named = isinstance(params.UserIdentityToken, ua.UserNameIdentityToken)
-        if not named and not self.iserver.has_place(self, named=False):
+        if not named and not self.iserver.admits(self, named=False):
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         token = PEER.set(str(self.name[0]))
         try:
             result = super().activate_session(params, peer_certificate)
         finally:
             PEER.reset(token)
-        if named and not self.iserver.has_place(self, named=True):
+        if named and not self.iserver.admits(self, named=True):
             self.user = User(role=UserRole.Anonymous)
             raise ServiceError(ua.StatusCodes.BadTooManySessions)
         return result
@@ -73,7 +73,7 @@ class GuardedSession(MonitoringSession):
 
     async def read(self, params: ua.ReadParameters) -> list[ua.DataValue]:
         """Read up-to-date values."""
-        _require_few(params.NodesToRead, limits.READS)
+        _require_at_most(params.NodesToRead, limits.READS)
         await self.iserver.before_read()
         found = await super().read(params)
         if sum(weight(each.Value) for each in found) > limits.ANSWER:
@@ -82,7 +82,7 @@ class GuardedSession(MonitoringSession):
 
     async def browse(self, params: ua.BrowseParameters) -> list[ua.BrowseResult]:
         """Browse nodes, up to the limits of one request."""
-        _require_few(params.NodesToBrowse, limits.BROWSES)
+        _require_at_most(params.NodesToBrowse, limits.BROWSES)
         found: list[ua.BrowseResult] = []
         references = 0
         for node in params.NodesToBrowse:
@@ -95,7 +95,7 @@ class GuardedSession(MonitoringSession):
 
     async def call(self, params: list[ua.CallMethodRequest]) -> list[ua.CallMethodResult]:
         """Call methods, all at the same time; permitted only for users with a name."""
-        _require_few(params, limits.CALLS)
+        _require_at_most(params, limits.CALLS)
         if not self.is_named:
             refused = ua.StatusCode(ua.StatusCodes.BadUserAccessDenied)
             return [ua.CallMethodResult(StatusCode=refused) for _ in params]
@@ -122,32 +122,36 @@ class GuardedSession(MonitoringSession):
         request_callback: Callable[..., Any] | None = None,
     ) -> ua.CreateSubscriptionResult:
         """Create a subscription; its interval is limited, so that it does not overload the server, and ends if it is not used."""
-        while (crowd := self._crowd()) is not None:
-            left = self.iserver.left_behind(crowd)
-            if left is None:
+        while (sessions := self._over_limit()) is not None:
+            disconnected = self.iserver.first_disconnected(sessions)
+            if disconnected is None:
                 raise ServiceError(ua.StatusCodes.BadTooManySubscriptions)
-            await left.close_session(True)
-        asked = params.RequestedPublishingInterval
-        fit = (
-            min(max(asked, limits.FASTEST_MS), limits.SLOWEST_MS)
-            if math.isfinite(asked)
+            await disconnected.close_session(True)
+        requested = params.RequestedPublishingInterval
+        interval = (
+            min(max(requested, limits.FASTEST_MS), limits.SLOWEST_MS)
+            if math.isfinite(requested)
             else limits.FASTEST_MS
         )
-        params.RequestedPublishingInterval = fit
-        made = await super().create_subscription(params, callback, request_callback)
-        subscription = self.subscription_service.subscriptions[made.SubscriptionId]
+        params.RequestedPublishingInterval = interval
+        created = await super().create_subscription(params, callback, request_callback)
+        subscription = self.subscription_service.subscriptions[created.SubscriptionId]
         subscription.turn, subscription.is_named = self.subscription_service.turn, self.is_named
         subscription.monitored_item_srv = Items(subscription, self.aspace)
-        return made
+        return created
 
-    def _crowd(self) -> list[Any] | None:
+    def _over_limit(self) -> list[Any] | None:
         """Return the sessions of unnamed users if these use all permitted subscriptions; None if one more is permitted."""
         if self.is_named:
             return None
-        theirs, every = self.iserver.nameless(self.name[0]), self.iserver.nameless()
-        if self.iserver.subscriptions_of(theirs) >= limits.OF_ADDRESS.subscriptions:
-            return theirs
-        return every if self.iserver.subscriptions_of(every) >= limits.NAMELESS_SUBSCRIPTIONS else None
+        of_address, nameless_sessions = self.iserver.nameless(self.name[0]), self.iserver.nameless()
+        if self.iserver.subscriptions_of(of_address) >= limits.OF_ADDRESS.subscriptions:
+            return of_address
+        return (
+            nameless_sessions
+            if self.iserver.subscriptions_of(nameless_sessions) >= limits.NAMELESS_SUBSCRIPTIONS
+            else None
+        )
 
     def modify_subscription(self, params: ua.ModifySubscriptionParameters) -> ua.ModifySubscriptionResult:
         """As in asyncua, for a subscription of this session."""
@@ -185,6 +189,6 @@ class GuardedSession(MonitoringSession):
         return super().publish([each for each in acks or () if self._owns(each.SubscriptionId)])
 
 
-def _require_few(asked: Sized, most: int) -> None:
-    if len(asked) > most:
+def _require_at_most(requested: Sized, limit: int) -> None:
+    if len(requested) > limit:
         raise ServiceError(ua.StatusCodes.BadTooManyOperations)

@@ -17,7 +17,7 @@ from cryptography.hazmat.primitives.serialization import Encoding
 from axisbus.errors import ConfigError, StateError
 
 _ENDINGS = (".pem", ".crt", ".cer", ".der")
-_UNFIT = (  # errors for an invalid file or certificate; those of cryptography have no common base
+_INVALID = (  # errors for an invalid file or certificate; those of cryptography have no common base
     OSError,
     ValueError,
     x509.InvalidVersion,
@@ -43,7 +43,7 @@ def is_in_time(certificate: bytes) -> bool:
     try:
         found = x509.load_der_x509_certificate(certificate)
         return found.not_valid_before_utc <= datetime.now(UTC) <= found.not_valid_after_utc
-    except _UNFIT:
+    except _INVALID:
         return False
 
 
@@ -69,7 +69,7 @@ def trusted(folder: Path) -> Trust:
 def _der(path: Path) -> bytes:
     try:
         return _parsed(path.read_bytes()).public_bytes(Encoding.DER)
-    except _UNFIT as error:
+    except _INVALID as error:
         raise ConfigError("this is not a certificate", file=str(path), observed=str(error)) from error
 
 
@@ -88,7 +88,7 @@ def uri_of(path: Path) -> str:
         certificate = _parsed(path.read_bytes())
         names = certificate.extensions.get_extension_for_class(x509.SubjectAlternativeName).value
         found = names.get_values_for_type(x509.UniformResourceIdentifier)
-    except _UNFIT as error:
+    except _INVALID as error:
         raise _no_uri(path, str(error)) from error
     if not found:
         raise _no_uri(path, "its subjectAltName has none")
@@ -132,7 +132,7 @@ class Rules(PermissionRuleset):
         return action_type_id in self._of_role.get(user.role, frozenset())
 
 
-class _Nothing(PermissionRuleset):
+class _NoPermissions(PermissionRuleset):
     """The rules of a channel on which a client can only ask for the endpoints."""
 
     def check_validity(self, user: User, action_type_id: ua.NodeId, body: object) -> bool:  # noqa: ARG002  # asyncua's shape
@@ -180,7 +180,7 @@ class Discovery:
 
     def create(self, peer_certificate: bytes | None) -> Policy:  # noqa: ARG002  # asyncua's shape
         """Return the policy of one channel."""
-        return SecurityPolicyNone(permission_ruleset=_Nothing())
+        return SecurityPolicyNone(permission_ruleset=_NoPermissions())
 
 
 class Refusing:

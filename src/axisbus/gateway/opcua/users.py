@@ -16,7 +16,7 @@ from axisbus.errors import ArgumentError, ConfigError
 
 _NAME = re.compile(r"[^\W][\w.@-]{0,63}")
 _COST, _BLOCK, _PARALLEL = 1 << 14, 8, 1  # of scrypt (RFC 7914): 16 MiB, some 50 ms
-_MOST_COST, _MOST_BLOCK, _MOST_PARALLEL = 1 << 17, 16, 4
+_MAX_COST, _MAX_BLOCK, _MAX_PARALLEL = 1 << 17, 16, 4
 _MEMORY = 512 << 20
 _SALT, _LENGTH = 16, 32  # bytes
 LONGEST = 256  # characters of a password
@@ -33,7 +33,7 @@ class Secret:
     salt: bytes
     hash: bytes
 
-    def fits(self, password: str) -> bool:
+    def matches(self, password: str) -> bool:
         """Return whether it matches this password; takes the same time for any password."""
         found = _hashed(password, self.cost, self.block, self.parallel, self.salt, len(self.hash))
         return hmac.compare_digest(found, self.hash)
@@ -66,7 +66,7 @@ def _text(octets: bytes) -> str:
     return base64.b64encode(octets).decode("ascii")
 
 
-def _nobody() -> Secret:
+def _dummy_secret() -> Secret:
     """Return the secret that an unknown name is compared with, so that it takes as long as a known one."""
     return Secret(_COST, _BLOCK, _PARALLEL, secrets.token_bytes(_SALT), secrets.token_bytes(_LENGTH))
 
@@ -76,13 +76,13 @@ class Users:
     """The users that may call methods: their secrets by name."""
 
     secrets: Mapping[str, Secret] = field(default_factory=dict)
-    nobody: Secret = field(default_factory=_nobody)
+    dummy: Secret = field(default_factory=_dummy_secret)
 
-    def let_in(self, name: str, password: str) -> bool:
+    def is_correct(self, name: str, password: str) -> bool:
         """Whether name and password belong together. Takes some 50 ms of processor time."""
         known = self.secrets.get(name)
-        fits = (known or self.nobody).fits(password[: LONGEST + 1])
-        return fits and known is not None
+        matches = (known or self.dummy).matches(password[: LONGEST + 1])
+        return matches and known is not None
 
 
 def read(path: Path) -> Users:
@@ -111,28 +111,26 @@ def read(path: Path) -> Users:
 def _read_line(line: str, file: str, number: int) -> tuple[str, Secret]:
     parts = line.split(":")
     try:
-        name, kind, *numbers, salt, kept = parts
+        name, kind, *numbers, salt, digest_text = parts
         cost, block, parallel = map(int, numbers)
         secret = Secret(
             cost,
             block,
             parallel,
             base64.b64decode(salt, validate=True),
-            base64.b64decode(kept, validate=True),
+            base64.b64decode(digest_text, validate=True),
         )
     except (ValueError, binascii.Error):
         raise ConfigError("this line does not define a user", file=file, line=number, remedy=_FORM) from None
-    if kind != "scrypt" or not _NAME.fullmatch(name) or not _is_sound(secret):
+    if kind != "scrypt" or not _NAME.fullmatch(name) or not _is_valid(secret):
         raise ConfigError("this line does not define a user", file=file, line=number, remedy=_FORM)
     return name, secret
 
 
-def _is_sound(secret: Secret) -> bool:
+def _is_valid(secret: Secret) -> bool:
     """Whether scrypt accepts the parameters, and none is so high that a wrong password would overload the server."""
     power = secret.cost >= 2 and secret.cost & (secret.cost - 1) == 0
     small = (
-        secret.cost <= _MOST_COST
-        and 1 <= secret.block <= _MOST_BLOCK
-        and 1 <= secret.parallel <= _MOST_PARALLEL
+        secret.cost <= _MAX_COST and 1 <= secret.block <= _MAX_BLOCK and 1 <= secret.parallel <= _MAX_PARALLEL
     )
     return power and small and len(secret.salt) >= 8 and 16 <= len(secret.hash) <= 64

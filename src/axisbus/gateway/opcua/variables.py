@@ -28,10 +28,10 @@ AXIS_TYPES: States = {LINEAR: "LINEAR", ROTATORY: "ROTATORY", ROTATORY_MODULO: "
 # PLCopen's states, numbered in the order of ``AxisState``.
 AXIS_STATES: States = {number: state.value for number, state in enumerate(AxisState)}
 # The modes of CiA 402 by their value of 6061h, and one number for all manufacturer-specific modes.
-MAKERS_OWN = 255
+MANUFACTURER_SPECIFIC = 255
 CONTROL_MODES: States = {
     **{int(mode): mode.text for mode in ModeOfOperation},
-    MAKERS_OWN: "a manufacturer-specific mode",
+    MANUFACTURER_SPECIFIC: "a manufacturer-specific mode",
 }
 
 _AXIS_STATE_NUMBERS = {state: number for number, state in enumerate(AxisState)}
@@ -44,7 +44,7 @@ def axis_state(state: AxisState) -> int:
 
 def control_mode(mode: int) -> int:
     """Return the number of a mode of operation (6061h)."""
-    return mode if mode in CONTROL_MODES else MAKERS_OWN
+    return mode if mode in CONTROL_MODES else MANUFACTURER_SPECIFIC
 
 
 def homing_state(homed: bool) -> int:

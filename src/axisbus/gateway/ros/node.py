@@ -61,18 +61,18 @@ class RosNodes:
         self._machine = machine
         self._options = options
         self._say = say
-        self._saying = RosLogThread(say)
-        self._over = threading.Event()
+        self._log_thread = RosLogThread(say)
+        self._closing = threading.Event()
         self._image = -1.0
         self._commander: Commander | None = None
         self._stack = ExitStack()
         with ExitStack() as stack:
-            stack.callback(self._saying.close)
+            stack.callback(self._log_thread.close)
             self._broadcast(session, stack)
             if options.command:
                 self._listen(session, stack, file)
             self._stack = stack.pop_all()
-        self._say_joints()
+        self._report_joints()
 
     def close(self) -> None:
         """Leave the graph; blocks until the axes that it has moved are at standstill."""
@@ -91,7 +91,7 @@ class RosNodes:
 
     def _broadcast(self, session: zenoh.Session, stack: ExitStack) -> None:
         topic = topic_of(self._options.namespace, "joint_states", JOINT_STATE)
-        token = self._be_there(session, stack, BROADCASTER, 0, PUBLISHER, topic)
+        token = self._declare(session, stack, BROADCASTER, 0, PUBLISHER, topic)
         publisher = session.declare_publisher(
             topic.key(self._options.domain), congestion_control=zenoh.CongestionControl.DROP
         )
@@ -100,12 +100,12 @@ class RosNodes:
             target=self._publish, args=(publisher, gid_of(token)), name="joint states", daemon=True
         )
         stack.callback(thread.join, 2.0)
-        stack.callback(self._over.set)
+        stack.callback(self._closing.set)
         thread.start()
 
     def _publish(self, publisher: zenoh.Publisher, gid: bytes) -> None:
         numbers, period, due = itertools.count(1), 1.0 / self._options.rate, time.monotonic()
-        while not self._over.wait(max(0.0, due - time.monotonic())):
+        while not self._closing.wait(max(0.0, due - time.monotonic())):
             due = max(due + period, time.monotonic())  # missed messages are not made up for in a burst
             try:
                 message = self._message()
@@ -133,34 +133,34 @@ class RosNodes:
         topic = topic_of(self._options.namespace, f"{CONTROLLER}/joint_trajectory", JOINT_TRAJECTORY)
         key = topic.key(self._options.domain)
         commander = self._commander = Commander(
-            self._machine, lambda: Machine.attach(file, command=True), self.joints, self._saying.tell
+            self._machine, lambda: Machine.attach(file, command=True), self.joints, self._log_thread.report
         )
         commander.start()
         stack.callback(commander.close)
 
-        def hear(sample: zenoh.Sample) -> None:
+        def receive(sample: zenoh.Sample) -> None:
             try:
-                self._heard(commander, sample, key)
+                self._process_sample(commander, sample, key)
             except Exception:
                 log.exception("a trajectory could not be received")
 
-        subscriber = session.declare_subscriber(key, hear)
+        subscriber = session.declare_subscriber(key, receive)
         stack.callback(subscriber.undeclare)
-        self._be_there(session, stack, CONTROLLER, 2, SUBSCRIPTION, topic)
+        self._declare(session, stack, CONTROLLER, 2, SUBSCRIPTION, topic)
 
-    def _heard(self, commander: Commander, sample: zenoh.Sample, key: str) -> None:
+    def _process_sample(self, commander: Commander, sample: zenoh.Sample, key: str) -> None:
         if sample.kind != zenoh.SampleKind.PUT or str(sample.key_expr) != key:
             return
         refused = too_large(len(sample.payload))
         if refused is not None:
-            self._saying.tell("a trajectory was refused", refused)
+            self._log_thread.report("a trajectory was refused", refused)
             return
         attached = sample.attachment
-        commander.hear(sample.payload.to_bytes(), None if attached is None else attached.to_bytes())
+        commander.receive(sample.payload.to_bytes(), None if attached is None else attached.to_bytes())
 
     # -- the graph -----------------------------------------------------------------------------------------------------
 
-    def _be_there(
+    def _declare(
         self, session: zenoh.Session, stack: ExitStack, name: str, number: int, kind: str, topic: Topic
     ) -> str:
         """Declare a node and its publisher or subscription in the graph; return the token of the latter."""
@@ -173,7 +173,7 @@ class RosNodes:
 
     # -- people --------------------------------------------------------------------------------------------------------
 
-    def _say_joints(self) -> None:
+    def _report_joints(self) -> None:
         joints = self.joints()
         named = ", ".join(f"{name} ({joint.name})" for name, joint in joints.items()) or "none"
         self._say(f"joints in ROS 2: {named}")
@@ -194,14 +194,14 @@ def states_of(
     return [_state(name, snapshots[name], units[name], joint) for name, joint in joints.items()]
 
 
-def _state(name: str, seen: Snapshot, units: Units, joint: JointUnit) -> JointState:
+def _state(name: str, snapshot: Snapshot, units: Units, joint: JointUnit) -> JointState:
     position = velocity = effort = math.nan
-    if seen.position is not None:
-        position = units.position.to_units(seen.position - seen.origin) * joint.factor
-    if seen.velocity is not None and units.ratio_known:
-        velocity = units.velocity.to_units(seen.velocity) * joint.factor
-    if seen.torque is not None and units.rated_torque is not None and joint.turns:
-        effort = units.torque(seen.torque)
+    if snapshot.position is not None:
+        position = units.position.to_units(snapshot.position - snapshot.origin) * joint.factor
+    if snapshot.velocity is not None and units.ratio_known:
+        velocity = units.velocity.to_units(snapshot.velocity) * joint.factor
+    if snapshot.torque is not None and units.rated_torque is not None and joint.turns:
+        effort = units.torque(snapshot.torque)
     return JointState(name, position, velocity, effort)
 
 
@@ -209,21 +209,21 @@ def _state(name: str, seen: Snapshot, units: Units, joint: JointUnit) -> JointSt
 
 
 _REFUSALS = 2.0  # lines per second at most about refused trajectories
-_MOST = 64  # the most waiting lines
+_MAX_LINES = 64  # the most waiting lines
 _END = 1.0  # seconds for which ``close`` waits for the output
 
 
 class RosLogThread:
-    """Hold the waiting lines; ``tell`` is for any thread."""
+    """Hold the waiting lines; ``report`` is for any thread."""
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
         self._bucket = Bucket(_REFUSALS, 2 * _REFUSALS)
-        self._waiting: queue.Queue[str | None] = queue.Queue(_MOST)
+        self._waiting: queue.Queue[str | None] = queue.Queue(_MAX_LINES)
         self._thread = threading.Thread(target=self._run, name="ROS lines", daemon=True)
         self._thread.start()
 
-    def tell(self, text: str, error: AxisbusError | None) -> None:
+    def report(self, text: str, error: AxisbusError | None) -> None:
         """Report a line; excess lines are dropped. Does not block."""
         if error is not None:
             if not self._bucket.take(time.monotonic()):

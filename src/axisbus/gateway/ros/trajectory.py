@@ -13,7 +13,7 @@ from axisbus.gateway.ros.units import JointUnit
 from axisbus.motion.point_stream.timed import MAX_POINTS, TrajectoryPoint
 from axisbus.wording import counted
 
-NEAR = 500_000_000  # ns, the largest difference of the stamp from the present time
+MAX_STAMP_DIFFERENCE = 500_000_000  # ns, the largest difference of the stamp from the present time
 LONGEST = 3600.0  # seconds, the longest trajectory
 
 
@@ -69,9 +69,9 @@ def _require_joints(message: JointTrajectory, joints: Mapping[str, JointUnit]) -
 
 
 def _require_now(message: JointTrajectory, now: int) -> None:
-    late = now - message.stamp
-    if message.stamp and abs(late) > NEAR:
-        when = f"{late / 1e9:.3f} s ago" if late > 0 else f"in {-late / 1e9:.3f} s"
+    delay = now - message.stamp
+    if message.stamp and abs(delay) > MAX_STAMP_DIFFERENCE:
+        when = f"{delay / 1e9:.3f} s ago" if delay > 0 else f"in {-delay / 1e9:.3f} s"
         raise StateError(
             "the trajectory does not begin now",
             observed=f"by its header.stamp it begins {when}; half a second of difference is allowed",
@@ -110,7 +110,7 @@ def _point(count: int, point: Waypoint, factors: list[float]) -> TrajectoryPoint
 
 _HEADER = 4  # octets before the message itself; its alignment counts from there
 _STAMP = 8
-_MOST = 256  # the most joints that are read
+_MAX_JOINTS = 256  # the most joints that are read
 
 
 def names_to_halt(data: bytes) -> tuple[str, ...] | None:
@@ -120,8 +120,8 @@ def names_to_halt(data: bytes) -> tuple[str, ...] | None:
     reader = _Reader(data, "<" if data[1] else ">")
     try:
         reader.text()  # the frame
-        names = [reader.text().decode() for _ in range(min(reader.count(), _MOST + 1))]
-        return None if len(names) > _MOST or reader.count() else tuple(names)
+        names = [reader.text().decode() for _ in range(min(reader.count(), _MAX_JOINTS + 1))]
+        return None if len(names) > _MAX_JOINTS or reader.count() else tuple(names)
     except (struct.error, UnicodeDecodeError):
         return None
 

@@ -4,10 +4,10 @@ Theory of operation
 -------------------
 The network's thread processes incoming messages and never waits. A trajectory without points halts at once, through a client
 without control, whichever client has control. All other trajectories go to a second thread, which may block: it joins the machine
-with control if that is free. It releases control ``_LINGER`` seconds after the last trajectory has ended, or as soon as a halt has
-ended one, so that other clients can enable, home and jog meanwhile. A halt also cancels waiting trajectories. While it has control,
-this program reports to the core several times in ``_HOLD`` seconds that it runs; if the reports stop, the core halts the axes that
-this program has moved.
+with control if that is free. It releases control ``_CONTROL_TIME`` seconds after the last trajectory has ended, or as soon as a
+halt has ended one, so that other clients can enable, home and jog meanwhile. A halt also cancels waiting trajectories. While it has
+control, this program reports to the core several times in ``_HOLD_TIME`` s that it runs; if the reports stop, the core halts the
+axes that this program has moved.
 """
 
 from __future__ import annotations
@@ -35,47 +35,49 @@ from axisbus.motion.states import AxisState
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
-_HOLD = 0.5  # seconds without a report of this program after which the core halts the axes that it has moved
-_BEAT = 0.1
-_LINGER = 1.0  # seconds for which control is held after the end of a trajectory
-_LOOK = 0.1
+_HOLD_TIME = (
+    0.5  # seconds without a report of this program after which the core halts the axes that it has moved
+)
+_BEAT_PERIOD = 0.1
+_CONTROL_TIME = 1.0  # seconds for which control is held after the end of a trajectory
+_POLL_PERIOD = 0.1
 _WAITED = 1.0  # seconds: a trajectory that has waited longer since its arrival is not started
-_MOST = 2  # the most waiting trajectories
+_MAX_WAITING = 2  # the most waiting trajectories
 _HALT_FIRST = "wait for its end, or send a trajectory without points, which halts"
-Join = Callable[[], Machine]
-Tell = Callable[[str, AxisbusError | None], None]
+Attach = Callable[[], Machine]
+Report = Callable[[str, AxisbusError | None], None]
 
 
-class _Heard(NamedTuple):
+class _ReceivedTrajectory(NamedTuple):
     data: bytes
     at: float
     halts: int  # the number of halts before it
 
 
 class Commander:
-    """Hold the waiting trajectories, the machine with control, and the running trajectory; ``hear`` is for the network's thread."""
+    """Hold the waiting trajectories, the machine with control, and the running one; the network's thread calls ``receive``."""
 
     def __init__(
-        self, machine: Machine, join: Join, joints: Callable[[], Mapping[str, JointUnit]], tell: Tell
+        self, machine: Machine, attach: Attach, joints: Callable[[], Mapping[str, JointUnit]], report: Report
     ) -> None:
-        """``machine`` is joined without control, ``join`` joins it with control; ``tell`` reports to people."""
+        """``machine`` is joined without control, ``attach`` joins it with control; ``report`` reports to people."""
         self._machine = machine
         self._stops = MergedStops(machine)
-        self._join = join
+        self._attach = attach
         self._joints = joints
-        self._tell = tell
+        self._report = report
         self._lock = threading.Lock()  # protects the halts
-        self._beating = threading.Lock()  # protects the freshness
+        self._freshness_lock = threading.Lock()  # protects the freshness
         self._freshness = Freshness(time.monotonic())
-        self._waiting: queue.Queue[_Heard] = queue.Queue(_MOST)
-        self._halts = self._halts_seen = 0
-        self._guest: Machine | None = None
+        self._waiting: queue.Queue[_ReceivedTrajectory] = queue.Queue(_MAX_WAITING)
+        self._halts = self._halts_before = 0
+        self._controlled: Machine | None = None
         self._handle: Handle | None = None
         self._busy_at = 0.0
-        self._over = threading.Event()
+        self._closing = threading.Event()
         self._threads = [
             threading.Thread(target=run, name=f"ROS {name}", daemon=True)
-            for name, run in (("trajectories", self._run), ("beat", self._run_beat))
+            for name, run in (("trajectories", self._run), ("beat", self._run_beats))
         ]
 
     def start(self) -> None:
@@ -86,39 +88,39 @@ class Commander:
     @property
     def commands(self) -> bool:
         """Whether it has control of the machine now."""
-        return self._guest is not None
+        return self._controlled is not None
 
     def close(self) -> None:
         """Halt the axes that it has moved, and end; blocks until they are at standstill, or known not to be."""
         with self._lock:
             self._halts += 1
-            self._over.set()
+            self._closing.set()
         for thread in self._threads:
             thread.join()
-        self._let_go()
+        self._release()
 
     # -- the network's thread ------------------------------------------------------------------------------------------
 
-    def hear(self, data: bytes, attached: bytes | None) -> None:
+    def receive(self, data: bytes, attached: bytes | None) -> None:
         """Process a message; does not block."""
         now = time.monotonic()
         try:
-            self._take(data, attached, now)
+            self._accept(data, attached, now)
         except AxisbusError as error:
-            self._tell("a trajectory was refused", error)
+            self._report("a trajectory was refused", error)
 
-    def _take(self, data: bytes, attached: bytes | None, now: float) -> None:
+    def _accept(self, data: bytes, attached: bytes | None, now: float) -> None:
         named = names_to_halt(data)
         if named is not None:
             self._halt(named)
             return
         attachment = attachment_of(attached)
-        with self._beating:
+        with self._freshness_lock:
             self._freshness.require(attachment, now, time.time())
         with self._lock:
             halts = self._halts
         try:
-            self._waiting.put_nowait(_Heard(data, now, halts))
+            self._waiting.put_nowait(_ReceivedTrajectory(data, now, halts))
         except queue.Full:
             raise StateError(
                 "a trajectory arrived while others wait",
@@ -130,102 +132,104 @@ class Commander:
             self._halts += 1
         names = to_halt(named, self._machine.axes)
         for name in names:
-            mark_end_as_read(self._stops.give(name, "halt"))
-        self._tell(f"a trajectory without points arrived: {', '.join(names)}: halt", None)
+            mark_end_as_read(self._stops.send(name, "halt"))
+        self._report(f"a trajectory without points arrived: {', '.join(names)}: halt", None)
 
     # -- the threads ---------------------------------------------------------------------------------------------------
 
-    def _run_beat(self) -> None:
-        while not self._over.wait(_BEAT):
-            with self._beating:
+    def _run_beats(self) -> None:
+        while not self._closing.wait(_BEAT_PERIOD):
+            with self._freshness_lock:
                 self._freshness.beat(time.monotonic())
-            guest = self._guest
-            if guest is not None:
+            controlled = self._controlled
+            if controlled is not None:
                 with suppress(Exception):  # the machine ends, or control is being released: nothing to hold
-                    guest.hold_to_run(_HOLD)
+                    controlled.hold_to_run(_HOLD_TIME)
 
     def _run(self) -> None:
-        while not self._over.is_set():
+        while not self._closing.is_set():
             try:
-                heard = self._waiting.get(timeout=_LOOK)
+                received = self._waiting.get(timeout=_POLL_PERIOD)
             except queue.Empty:
-                self._look()
+                self._release_if_idle()
                 continue
             try:
-                self._follow(heard)
+                self._follow(received)
             except AxisbusError as error:
-                self._tell("a trajectory was refused", error)
+                self._report("a trajectory was refused", error)
             except Exception as error:
                 log.exception("a trajectory could not be executed")
-                self._tell(
+                self._report(
                     "a trajectory was refused", AxisbusError("it could not be executed", observed=str(error))
                 )
 
-    def _follow(self, heard: _Heard) -> None:
+    def _follow(self, received: _ReceivedTrajectory) -> None:
         if self._handle is not None and self._handle.busy:
             raise StateError("a trajectory is being executed", remedy=_HALT_FIRST)
-        wanted = judged(trajectory_of(heard.data), self._joints(), time.time_ns())
-        for name in wanted.axes:
-            _require_rest(self._machine[name])
-        guest = self._commanding()
-        group = guest.group(*wanted.axes)
+        trajectory = judged(trajectory_of(received.data), self._joints(), time.time_ns())
+        for name in trajectory.axes:
+            _require_standstill(self._machine[name])
+        controlled = self._machine_with_control()
+        group = controlled.group(*trajectory.axes)
         with self._lock:
-            self._require_wanted(heard)
-            self._halts_seen = heard.halts
-        handle = self._handle = group.follow(wanted.points)  # checking a long trajectory takes a while
-        if heard.halts != self._halts:
+            self._require_still_valid(received)
+            self._halts_before = received.halts
+        handle = self._handle = group.follow(trajectory.points)  # checking a long trajectory takes a while
+        if received.halts != self._halts:
             mark_end_as_read(group.halt())
         self._busy_at = time.monotonic()
-        self._tell(_told(wanted), None)
+        self._report(_description(trajectory), None)
         handle.add_done_callback(lambda: self._end(handle))
 
-    def _require_wanted(self, heard: _Heard) -> None:
-        if heard.halts != self._halts:
+    def _require_still_valid(self, received: _ReceivedTrajectory) -> None:
+        if received.halts != self._halts:
             raise Stopped("the trajectory was not started", observed="a halt arrived after it")
-        if time.monotonic() - heard.at > _WAITED:
+        if time.monotonic() - received.at > _WAITED:
             raise StateError(
                 "the trajectory was not started",
                 observed=f"the machine was not ready for it within {_WAITED:g} s",
                 remedy="send it again",
             )
 
-    def _commanding(self) -> Machine:
+    def _machine_with_control(self) -> Machine:
         """Return the machine with control; raise OwnershipError if another program has it."""
-        if self._guest is not None and not self._guest.has_control:
-            self._let_go()
-        if self._guest is None:
-            guest = self._join()
-            guest.hold_to_run(_HOLD)
-            self._guest = guest
+        if self._controlled is not None and not self._controlled.has_control:
+            self._release()
+        if self._controlled is None:
+            controlled = self._attach()
+            controlled.hold_to_run(_HOLD_TIME)
+            self._controlled = controlled
             self._busy_at = time.monotonic()
-        return self._guest
+        return self._controlled
 
-    def _look(self) -> None:
+    def _release_if_idle(self) -> None:
         """Release control if no trajectory has run for a while."""
         now = time.monotonic()
         if self._handle is not None and self._handle.busy:
             self._busy_at = now
-        elif self._guest is not None and (now - self._busy_at > _LINGER or self._halts != self._halts_seen):
-            self._let_go()
+        elif self._controlled is not None and (
+            now - self._busy_at > _CONTROL_TIME or self._halts != self._halts_before
+        ):
+            self._release()
 
-    def _let_go(self) -> None:
-        guest, self._guest = self._guest, None
-        if guest is None:
+    def _release(self) -> None:
+        controlled, self._controlled = self._controlled, None
+        if controlled is None:
             return
         try:
-            guest.close()
+            controlled.close()
         except BaseException as error:  # noqa: BLE001  # the machine may be gone: then there is nothing to release
             log.info("while control was released: %s", error)
 
     def _end(self, handle: Handle) -> None:
         error = handle.exception()
         if error is None:
-            self._tell("the trajectory is complete" if handle.done else "the trajectory was aborted", None)
+            self._report("the trajectory is complete" if handle.done else "the trajectory was aborted", None)
         else:
-            self._tell("the trajectory has ended early", error)
+            self._report("the trajectory has ended early", error)
 
 
-def _require_rest(axis: Axis) -> None:
+def _require_standstill(axis: Axis) -> None:
     if not axis.enabled:
         raise StateError(
             f"{axis.name} is not enabled, and no trajectory enables it",
@@ -240,26 +244,27 @@ def _require_rest(axis: Axis) -> None:
         )
 
 
-def _told(wanted: RosTrajectory) -> str:
-    return f"{', '.join(wanted.axes)}: a trajectory of {counted(len(wanted.points), 'point')}, {wanted.points[-1].time:g} s"
+def _description(trajectory: RosTrajectory) -> str:
+    points = trajectory.points
+    return f"{', '.join(trajectory.axes)}: a trajectory of {counted(len(points), 'point')}, {points[-1].time:g} s"
 
 
 # -- Check that a message is fresh: not repeated, not reordered, not delayed, and received while this program runs -----
 #
 # Theory of operation
 # The clocks of two computers are not compared. The transmission time of a message is known except for the difference of both
-# clocks. So the shortest time of a publisher's messages is stored, and a message that took ``HELD_UP`` longer is late. The stored
+# clocks. So the shortest time of a publisher's messages is stored, and a message that took ``MAX_DELAY`` longer is late. The stored
 # time grows by the drift of the clocks: otherwise, if the publisher's clock is slow by 0.1 ms per second, all of its messages would
 # be late after three hours. The first message of a publisher has no other one to be compared with: it is late if it is old by the
-# clock of this computer, and so are those that arrive within ``AGAIN`` after it, because a stalled network delivers its messages
-# together. A program that did not run for a while (suspended, starved) then receives all waiting messages at once:
-# for ``AGAIN`` after that, no message is fresh.
+# clock of this computer, and so are those that arrive within ``RECOVERY_TIME`` after it, because a stalled network delivers its
+# messages together. A program that did not run for a while (suspended, starved) then receives all waiting messages at once: for
+# ``RECOVERY_TIME`` after that, no message is fresh.
 
 
-HELD_UP = 1.0  # seconds
-AGAIN = 1.0  # seconds
-STOOD = 0.5  # seconds without a call of ``beat``
-_MESSAGE_FRESHNESS_MOST = 256  # the most remembered publishers
+MAX_DELAY = 1.0  # seconds
+RECOVERY_TIME = 1.0  # seconds
+MAX_PAUSE = 0.5  # seconds without a call of ``beat``
+_MAX_PUBLISHERS = 256  # the most remembered publishers
 _REMEDY = "send it again, with another number"
 
 
@@ -275,14 +280,14 @@ class Freshness:
 
     def __init__(self, now: float) -> None:
         self._known: OrderedDict[bytes, _Known] = OrderedDict()
-        self._beat = now
+        self._last_beat = now
         self._from = now
 
     def beat(self, now: float) -> None:
-        """Note that this program runs; to be called several times within ``STOOD``."""
-        if now - self._beat > STOOD:
-            self._from = now + AGAIN
-        self._beat = now
+        """Note that this program runs; to be called several times within ``MAX_PAUSE``."""
+        if now - self._last_beat > MAX_PAUSE:
+            self._from = now + RECOVERY_TIME
+        self._last_beat = now
 
     def require(self, attachment: Attachment, now: float, wall: float) -> None:
         """Check that a message is fresh, and note it; ``wall``: the time in s since 1970 by the clock of this computer.
@@ -292,11 +297,13 @@ class Freshness:
         """
         number, sent = attachment.number, attachment.sent / 1e9
         known = self._known.get(attachment.gid)
-        lag = (MessageLag(most=HELD_UP) if known is None else known.lag).told(sent, now)
+        lag = (MessageLag(max_growth=MAX_DELAY) if known is None else known.lag).updated(sent, now)
         newest = max(number, number if known is None else known.number)
-        late_until = known.late_until if known is not None else now + AGAIN if wall - sent > HELD_UP else 0.0
+        late_until = (
+            known.late_until if known is not None else now + RECOVERY_TIME if wall - sent > MAX_DELAY else 0.0
+        )
         self._note(attachment.gid, _Known(newest, lag, late_until))
-        if now - self._beat > STOOD or now < self._from:
+        if now - self._last_beat > MAX_PAUSE or now < self._from:
             raise StateError(
                 "a trajectory arrived while the bridge was suspended",
                 remedy=f"{_REMEDY}, when the bridge runs again",
@@ -313,16 +320,16 @@ class Freshness:
                 observed=f"by the clock of its sender it was sent {wall - sent:.1f} s ago",
                 remedy=f"{_REMEDY}; if the clocks of both computers differ, synchronise them",
             )
-        late = lag.lateness(sent, now)
-        if late > HELD_UP:
+        delay = lag.lateness(sent, now)
+        if delay > MAX_DELAY:
             raise StateError(
                 "a trajectory arrived too late",
-                observed=f"it was {late:.3f} s slower than other messages of its sender",
+                observed=f"it was {delay:.3f} s slower than other messages of its sender",
                 remedy=f"{_REMEDY}; if the clock of the sender was set back, restart the sender",
             )
 
     def _note(self, gid: bytes, known: _Known) -> None:
         self._known[gid] = known
         self._known.move_to_end(gid)
-        while len(self._known) > _MESSAGE_FRESHNESS_MOST:
+        while len(self._known) > _MAX_PUBLISHERS:
             self._known.popitem(last=False)

@@ -20,14 +20,14 @@ from axisbus.fleet.keys import ZenohCellKeys
 from axisbus.fleet.messages import PROTOCOL, CellInfo, EventsAsk, HistoryAsk
 from axisbus.gateway import machine_events
 from axisbus.gateway.machine_events import MachineEvent, MachineEventSource
-from axisbus.gateway.machine_follower import Look, MachineFollower
+from axisbus.gateway.machine_follower import MachineFollower, Poll
 from axisbus.gateway.zenoh.commands import Commands
-from axisbus.gateway.zenoh.execute import DeferredReplies, without
+from axisbus.gateway.zenoh.execute import DeferredReplies, without_process
 from axisbus.gateway.zenoh.history import RecordingsWorker, refused
 from axisbus.gateway.zenoh.lease_manager import Holding
 from axisbus.gateway.zenoh.objects import TransferWorker
-from axisbus.gateway.zenoh.publishing import Counts, EventPublisher, Happened, Kind, States, info_of
-from axisbus.gateway.zenoh.service import ZenohQuery, ZenohService, heard
+from axisbus.gateway.zenoh.publishing import BridgeEvent, Counts, EventPublisher, Kind, States, info_of
+from axisbus.gateway.zenoh.service import ZenohQuery, ZenohService, guarded
 from axisbus.machine.machine import Machine
 from axisbus.version import __version__
 
@@ -35,9 +35,9 @@ if TYPE_CHECKING:
     from axisbus.gateway.ros.node import RosOptions
 
 
-_LOOK = 0.05  # seconds between two checks whether the machine still runs
+_POLL_PERIOD = 0.05  # seconds between two checks whether the machine still runs
 _ROS = "a trajectory of ROS 2"  # the holder of control, for people
-_RIVALS = 1.0  # seconds within which another bridge of the same name answers
+_DUPLICATE_TIMEOUT = 1.0  # seconds within which another bridge of the same name answers
 
 
 class Cell(NamedTuple):
@@ -67,11 +67,11 @@ class Bridge:
         with ExitStack() as stack:
             self._events = EventPublisher(session, cell.keys, self._name)
             stack.callback(self._events.close)
-            self._be_there(stack)
+            self._declare_presence(stack)
             history = RecordingsWorker(cell.recordings)
             stack.callback(history.close)
             self._answer(stack, cell.keys.events, self._missing)
-            self._answer(stack, cell.keys.history, lambda asked: _history(history, cell.keys, asked))
+            self._answer(stack, cell.keys.history, lambda query: _history(history, cell.keys, query))
             self._stack = stack.pop_all()
 
     def close(self) -> None:
@@ -80,21 +80,25 @@ class Bridge:
 
     def run(self) -> None:
         """Follow the running machine, and the next one when it ends, until interrupted."""
-        MachineFollower(self._cell.file, self._say).run(self._served, _LOOK)
+        MachineFollower(self._cell.file, self._say).run(self._served, _POLL_PERIOD)
 
     # -- presence ------------------------------------------------------------------------------------------------------
 
-    def _be_there(self, stack: ExitStack) -> None:
+    def _declare_presence(self, stack: ExitStack) -> None:
         """Declare the presence of this bridge, unless another one is present."""
-        self._require_alone(set())
+        self._require_no_duplicate(set())
         token = self._session.liveliness().declare_token(self._cell.keys.presence(self._name))
         stack.callback(token.undeclare)
-        self._require_alone({self._name})  # of two that start at once, only the alphabetically first stays
-        others = self._session.liveliness().declare_subscriber(self._cell.keys.presence("*"), self._heard)
+        self._require_no_duplicate(
+            {self._name}
+        )  # of two that start at once, only the alphabetically first stays
+        others = self._session.liveliness().declare_subscriber(
+            self._cell.keys.presence("*"), self._on_presence
+        )
         stack.callback(others.undeclare)
 
-    def _require_alone(self, own: set[str]) -> None:
-        found = self._session.liveliness().get(self._cell.keys.presence("*"), timeout=_RIVALS)
+    def _require_no_duplicate(self, own: set[str]) -> None:
+        found = self._session.liveliness().get(self._cell.keys.presence("*"), timeout=_DUPLICATE_TIMEOUT)
         names = {str(reply.ok.key_expr).rpartition("/")[2] for reply in found if reply.ok is not None}
         others = names - own
         if others and (not own or min(others) < min(own)):
@@ -103,37 +107,37 @@ class Bridge:
                 remedy="end that bridge, or give this cell another name: --cell NAME",
             )
 
-    def _heard(self, sample: zenoh.Sample) -> None:
+    def _on_presence(self, sample: zenoh.Sample) -> None:
         """Report another bridge of this name that has appeared over a new connection."""
         other = str(sample.key_expr).rpartition("/")[2]
         if sample.kind == zenoh.SampleKind.PUT and other != self._name:
             text = f"another bridge of {self._cell.keys.base} is also on this network: end one of them"
             self._say(text)
-            self._events.tell(Happened("machine", text, severity="error"))
+            self._events.publish(BridgeEvent("machine", text, severity="error"))
 
-    def _answer(self, stack: ExitStack, key: str, take: Callable[[ZenohQuery], None]) -> None:
-        queryable = self._session.declare_queryable(key, heard(take))
+    def _answer(self, stack: ExitStack, key: str, handler: Callable[[ZenohQuery], None]) -> None:
+        queryable = self._session.declare_queryable(key, guarded(handler))
         stack.callback(queryable.undeclare)
 
-    def _missing(self, asked: ZenohQuery) -> None:
+    def _missing(self, query: ZenohQuery) -> None:
         keys = self._cell.keys
         try:
-            ask = asked.message(EventsAsk) if asked.data else _numbers(asked)
+            request = query.message(EventsAsk) if query.data else _numbers(query)
         except (AxisbusError, ValueError):
-            ask = EventsAsk()
-        asked.answer(keys.events, self._events.kept.answer(ask))
+            request = EventsAsk()
+        query.answer(keys.events, self._events.stored.answer(request))
 
     # -- one machine ---------------------------------------------------------------------------------------------------
 
     @contextmanager
-    def _served(self, machine: Machine) -> Iterator[Look]:
+    def _served(self, machine: Machine) -> Iterator[Poll]:
         """Offer a machine on the network, and report its start and the reason of its end."""
         with ExitStack() as stack:
             self._serve(machine, stack)
-            self._events.tell(Happened("machine", "a machine runs, and the bridge has joined it"))
+            self._events.publish(BridgeEvent("machine", "a machine runs, and the bridge has joined it"))
             yield lambda: None
             why = machine.session.dead or machine.session.leaving_because or "it was ended"
-            self._events.tell(Happened("machine", f"the machine has ended: {why}", severity="warning"))
+            self._events.publish(BridgeEvent("machine", f"the machine has ended: {why}", severity="warning"))
 
     def _serve(self, machine: Machine, stack: ExitStack) -> None:
         """Declare everything about a machine, and finally that it is alive; undeclared in reverse order."""
@@ -141,13 +145,13 @@ class Bridge:
         transfers, answers = TransferWorker(), DeferredReplies()
         stack.callback(transfers.close)
         stack.callback(answers.close)
-        holding = Holding(lambda over: Machine.attach(file, command=True, force=over), self._events.tell)
+        holding = Holding(lambda force: Machine.attach(file, command=True, force=force), self._events.publish)
         holding.start()
         stack.callback(holding.close)
-        looking = MachinePoller(machine, holding, self._events.tell)
-        looking.start()
-        stack.callback(looking.close)
-        states = States(self._session, keys, self._name, machine, looking.wake, self._counts)
+        poller = MachinePoller(machine, holding, self._events.publish)
+        poller.start()
+        stack.callback(poller.close)
+        states = States(self._session, keys, self._name, machine, poller.wake, self._counts)
         states.start()
         stack.callback(states.close)
         trajectories = self._serve_ros(machine, stack)
@@ -160,7 +164,7 @@ class Bridge:
             states,
             transfers,
             lambda: self._info(machine),
-            lambda: looking.commander or trajectories(),
+            lambda: poller.commander or trajectories(),
         )
         stack.callback(service.close)
         token = self._session.liveliness().declare_token(keys.alive)
@@ -193,39 +197,39 @@ class Bridge:
         )
 
 
-def _numbers(asked: ZenohQuery) -> EventsAsk:
-    last = asked.parameter("last")
-    return EventsAsk(int(asked.parameter("first") or 1), None if last is None else int(last))
+def _numbers(query: ZenohQuery) -> EventsAsk:
+    last = query.parameter("last")
+    return EventsAsk(int(query.parameter("first") or 1), None if last is None else int(last))
 
 
-def _history(history: RecordingsWorker, keys: ZenohCellKeys, asked: ZenohQuery) -> None:
+def _history(history: RecordingsWorker, keys: ZenohCellKeys, query: ZenohQuery) -> None:
     try:
-        ask = asked.message(HistoryAsk) if asked.data else HistoryAsk()
+        request = query.message(HistoryAsk) if query.data else HistoryAsk()
     except AxisbusError as error:
-        asked.answer(keys.history, refused(error))
+        query.answer(keys.history, refused(error))
         return
-    history.put(ask, lambda answer: asked.answer(keys.history, answer))
+    history.put(request, lambda answer: query.answer(keys.history, answer))
 
 
 # -- Poll a machine for its events, and for the program that has control -----------------------------------------------
 
 
 log = logging.getLogger("axisbus")
-_EVERY = 0.25  # seconds
-_LEAST = 0.05  # seconds between two polls, even if there is always something new
-_BEGAN = 1e-3  # seconds by which the time stamps of a list may differ
+_EVENT_POLL_PERIOD = 0.25  # seconds
+_MIN_PAUSE = 0.05  # seconds between two polls, even if there is always something new
+_STAMP_TOLERANCE = 1e-3  # seconds by which the time stamps of a list may differ
 
 
 class MachinePoller:
     """Poll in a thread of its own, which may wait for answers of the core; ``wake`` is for any thread."""
 
-    def __init__(self, machine: Machine, holding: Holding, tell: Callable[[Happened], None]) -> None:
+    def __init__(self, machine: Machine, holding: Holding, publish: Callable[[BridgeEvent], None]) -> None:
         self._machine = machine
         self._holding = holding
-        self._tell = tell
-        self._happenings = MachineEventSource(time.monotonic() - _BEGAN, commands=True)
+        self._publish = publish
+        self._event_source = MachineEventSource(time.monotonic() - _STAMP_TOLERANCE, commands=True)
         self._woken = threading.Event()
-        self._over = False
+        self._closing = False
         self._commander: str | None = None
         self._thread = threading.Thread(target=self._run, name="looking", daemon=True)
 
@@ -239,7 +243,7 @@ class MachinePoller:
 
     def close(self) -> None:
         """Poll once more, and end; blocks briefly."""
-        self._over = True
+        self._closing = True
         self._woken.set()
         self._thread.join(2.0)
 
@@ -249,25 +253,25 @@ class MachinePoller:
         return self._commander
 
     def _run(self) -> None:
-        while not self._over:
-            self._woken.wait(_EVERY)
+        while not self._closing:
+            self._woken.wait(_EVENT_POLL_PERIOD)
             self._woken.clear()
             try:
-                self._look()
+                self._poll()
             except AxisbusError as error:  # the machine has ended, or is about to
                 log.debug("the machine could not be observed: %s", error)
             except Exception:
                 log.exception("an observation of the machine failed")
-            time.sleep(_LEAST)
+            time.sleep(_MIN_PAUSE)
 
-    def _look(self) -> None:
-        for happened in told(self._happenings.look(self._machine, time.monotonic())):
-            self._tell(happened)
+    def _poll(self) -> None:
+        for event in bridge_events(self._event_source.poll(self._machine, time.monotonic())):
+            self._publish(event)
         own = f"process {os.getpid()} "
         who = next((each.who for each in self._machine.programs if each.commands), None)
         self._commander = None if who is None or own in who else who
-        guest = self._holding.guest
-        if guest is not None and not guest.has_control:
+        controlled = self._holding.controlled
+        if controlled is not None and not controlled.has_control:
             self._holding.lost(f"{who or 'another program'} took control of the machine")
 
 
@@ -288,15 +292,15 @@ KINDS: dict[machine_events.MachineEventKind, Kind] = {
 }
 
 
-def told(found: Iterable[MachineEvent]) -> list[Happened]:
+def bridge_events(found: Iterable[MachineEvent]) -> list[BridgeEvent]:
     """Return the events to report, in their order."""
     return [
-        Happened(
+        BridgeEvent(
             KINDS[one.kind],
-            without(one.text),
+            without_process(one.text),
             one.about,
             one.severity,
-            without("; ".join(one.cause)),
+            without_process("; ".join(one.cause)),
             one.remedy,
         )
         for one in found

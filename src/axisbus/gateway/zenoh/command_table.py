@@ -22,7 +22,7 @@ class ZenohVerb:
     lease: bool = True
     single: bool = False
     needs: Mapping[str, type] = field(default_factory=dict)
-    takes: Mapping[str, type] = field(default_factory=dict)
+    optional: Mapping[str, type] = field(default_factory=dict)
     call: str = ""
 
 
@@ -49,31 +49,33 @@ VERBS: Mapping[str, ZenohVerb] = {
     "quick_stop": ZenohVerb(lease=False),
     "halt_all": ZenohVerb(lease=False, call="halt"),
     "quick_stop_all": ZenohVerb(lease=False, call="quick_stop"),
-    "enable": ZenohVerb(takes={"allow_moving": bool}),
-    "disable": ZenohVerb(takes={"coast": bool}),
+    "enable": ZenohVerb(optional={"allow_moving": bool}),
+    "disable": ZenohVerb(optional={"coast": bool}),
     "reset": ZenohVerb(),
     "stop": ZenohVerb(),
     "release": ZenohVerb(),
-    "home": ZenohVerb(takes={"method": int, "timeout": float}),
-    "move_absolute": ZenohVerb(single=True, needs={"position": float}, takes={**_PROFILE, "direction": int}),
-    "move_relative": ZenohVerb(single=True, needs={"distance": float}, takes=_PROFILE),
-    "move_additive": ZenohVerb(single=True, needs={"distance": float}, takes=_PROFILE),
-    "move_velocity": ZenohVerb(single=True, needs={"velocity": float}, takes=_TURNS),
+    "home": ZenohVerb(optional={"method": int, "timeout": float}),
+    "move_absolute": ZenohVerb(
+        single=True, needs={"position": float}, optional={**_PROFILE, "direction": int}
+    ),
+    "move_relative": ZenohVerb(single=True, needs={"distance": float}, optional=_PROFILE),
+    "move_additive": ZenohVerb(single=True, needs={"distance": float}, optional=_PROFILE),
+    "move_velocity": ZenohVerb(single=True, needs={"velocity": float}, optional=_TURNS),
     "torque_control": ZenohVerb(
-        single=True, needs={"torque": float}, takes={"slope": float, "timeout": float}
+        single=True, needs={"torque": float}, optional={"slope": float, "timeout": float}
     ),
     "set_position": ZenohVerb(single=True, needs={"position": float}),
     "set_override": ZenohVerb(needs={"factor": float}),
     JOG: ZenohVerb(
-        single=True, needs={"velocity": float, "press": int, "sent": float}, takes={"acceleration": float}
+        single=True, needs={"velocity": float, "press": int, "sent": float}, optional={"acceleration": float}
     ),
 }
 STOPS = frozenset(name for name, verb in VERBS.items() if not verb.lease)
 ALL = "_all"  # the suffix of a stop of all axes
-_WORDS = {float: "a number", int: "a whole number", bool: "true or false"}
+_TYPE_TEXTS = {float: "a number", int: "a whole number", bool: "true or false"}
 
 
-def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> BridgeAction:
+def action_of(verb: str, request: CommandAsk, axes: Collection[str]) -> BridgeAction:
     """Return the command to execute; ``axes`` are those of the cell, and a command without axes is for all of them.
 
     Raises:
@@ -82,7 +84,7 @@ def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> BridgeAction:
     row = VERBS.get(verb)
     if row is None:
         raise ArgumentError(f"there is no command {verb!r}", remedy=f"there are {', '.join(VERBS)}")
-    named = tuple(axes) if verb.endswith(ALL) else ask.axes or tuple(axes)
+    named = tuple(axes) if verb.endswith(ALL) else request.axes or tuple(axes)
     if verb in STOPS:  # if one of its axes is invalid, the others are stopped; values are ignored
         return BridgeAction(verb, row.call or verb, tuple(dict.fromkeys(named)))
     for name in named:
@@ -92,13 +94,13 @@ def act_of(verb: str, ask: CommandAsk, axes: Collection[str]) -> BridgeAction:
             )
     if len(set(named)) < len(named):
         raise ArgumentError(f"{verb}: an axis is named twice")
-    if row.single and len(ask.axes) != 1:
+    if row.single and len(request.axes) != 1:
         raise ArgumentError(f"{verb}: no axis is given", remedy="name the one axis to move")
-    return BridgeAction(verb, row.call or verb, named, _values(verb, row, ask.values))
+    return BridgeAction(verb, row.call or verb, named, _values(verb, row, request.values))
 
 
 def _values(verb: str, row: ZenohVerb, given: Mapping[str, Value]) -> dict[str, Any]:
-    known = {**row.needs, **row.takes}
+    known = {**row.needs, **row.optional}
     for name in given:
         if name not in known:
             raise ArgumentError(
@@ -106,17 +108,17 @@ def _values(verb: str, row: ZenohVerb, given: Mapping[str, Value]) -> dict[str, 
             )
     for name in row.needs:
         if given.get(name) is None:
-            raise ArgumentError(f"{verb}: no {name} given", remedy=f"give it as {_WORDS[known[name]]}")
+            raise ArgumentError(f"{verb}: no {name} given", remedy=f"give it as {_TYPE_TEXTS[known[name]]}")
     return {
         name: _typed(verb, name, value, known[name]) for name, value in given.items() if value is not None
     }
 
 
 def _typed(verb: str, name: str, value: Value, kind: type) -> Any:
-    fits = type(value) is kind or (kind is float and type(value) is int)
+    matches = type(value) is kind or (kind is float and type(value) is int)
     with suppress(OverflowError):  # an integer too large for a float
-        if fits:
+        if matches:
             return kind(value)
     raise ArgumentError(
-        f"{verb}: {short_repr(value)} is not a valid {name}", remedy=f"give it as {_WORDS[kind]}"
+        f"{verb}: {short_repr(value)} is not a valid {name}", remedy=f"give it as {_TYPE_TEXTS[kind]}"
     )

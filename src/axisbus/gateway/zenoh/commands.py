@@ -14,7 +14,7 @@ from axisbus.client_support.dead_man import SILENCE, DeadMan, MessageLag
 from axisbus.client_support.merged_stops import MergedStops
 from axisbus.errors import ArgumentError, AxisbusError, Replaced, StateError
 from axisbus.fleet.messages import TOO_LATE, CommandAnswer, CommandAsk
-from axisbus.gateway.zenoh.command_table import JOG, STOPS, BridgeAction, act_of
+from axisbus.gateway.zenoh.command_table import JOG, STOPS, BridgeAction, action_of
 from axisbus.gateway.zenoh.execute import (
     RUNNING,
     CommandExecutor,
@@ -49,20 +49,20 @@ class Commands:
         self._answers = answers
         self._clock = clock
         self._lock = threading.Lock()
-        self._ledger: CommandDeduplicator[CommandExecutor] = CommandDeduplicator()
+        self._commands: CommandDeduplicator[CommandExecutor] = CommandDeduplicator()
         self._jogs = Jogs()
         self._rate: tuple[str, Bucket] = "", Bucket()  # of the holder of the lease
         self._stops: OrderedDict[Hashable, CommandExecutor] = OrderedDict()
         self._merged = MergedStops(machine)
 
-    def take(self, verb: str, ask: CommandAsk, reply: Reply) -> None:
+    def execute(self, verb: str, request: CommandAsk, reply: Reply) -> None:
         """Execute a command; ``reply`` is called at its end, in any thread, or after 2 s with ``running``."""
         try:
             if verb in STOPS:
-                self._answers.put(self._stopped(verb, ask), reply)
+                self._answers.put(self._stop(verb, request), reply)
                 return
             with self._lock:
-                found = self._done(verb, ask)
+                found = self._execute(verb, request)
         except AxisbusError as error:
             reply(failed(error))
             return
@@ -71,65 +71,65 @@ class Commands:
         else:
             self._answers.put(found, reply)
 
-    def _stopped(self, verb: str, ask: CommandAsk) -> CommandExecutor:
+    def _stop(self, verb: str, request: CommandAsk) -> CommandExecutor:
         """Stop; a repeated stop counts as the same one only while it runs: the answer never comes from the cache."""
-        act = act_of(verb, ask, tuple(self._machine.axes))
-        key = verb, ask.client, ask.id, act.axes
+        action = action_of(verb, request, tuple(self._machine.axes))
+        key = verb, request.client, request.id, action.axes
         with self._lock:
-            self._jogs.stopped(act.axes)
-            if self._holding.lease.holds(ask.client, ask.token, self._clock()):
-                self._ledger.passed(
-                    ask.client, ask.id
+            self._jogs.note_stop(action.axes)
+            if self._holding.lease.holds(request.client, request.token, self._clock()):
+                self._commands.note_id(
+                    request.client, request.id
                 )  # an earlier command that arrives after it is too late
-            under_way = self._stops.get(key)
-            if under_way is not None and under_way.busy:
-                return under_way
-            self._stops[key] = doing = stop(self._merged, act)
+            running = self._stops.get(key)
+            if running is not None and running.busy:
+                return running
+            self._stops[key] = executor = stop(self._merged, action)
             self._stops.move_to_end(key)
             while len(self._stops) > _STOPS:
                 self._stops.popitem(last=False)
-        return doing
+        return executor
 
-    def _done(self, verb: str, ask: CommandAsk) -> CommandExecutor | CommandAnswer:
-        _require_sound(ask)
-        what = verb, ask.axes, tuple(sorted(ask.values.items())), ask.token
-        again = None if verb == JOG else self._ledger.again(ask.client, ask.id, what)
-        if again is not None:
-            return again
-        guest, now = self._commanded(ask)
-        act = act_of(verb, ask, tuple(guest.axes))
-        self._merged.overtake(act.axes)
+    def _execute(self, verb: str, request: CommandAsk) -> CommandExecutor | CommandAnswer:
+        _require_valid(request)
+        what = verb, request.axes, tuple(sorted(request.values.items())), request.token
+        repeated = None if verb == JOG else self._commands.repeated(request.client, request.id, what)
+        if repeated is not None:
+            return repeated
+        controlled, now = self._with_control(request)
+        action = action_of(verb, request, tuple(controlled.axes))
+        self._merged.overtake(action.axes)
         if verb == JOG:
-            if self._ledger.passed(ask.client, ask.id):
-                self._jogs.jog(guest, ask.client, act, now)
+            if self._commands.note_id(request.client, request.id):
+                self._jogs.jog(controlled, request.client, action, now)
             return RUNNING
-        doing = perform(guest, act)
-        self._ledger.enter(ask.client, ask.id, what, doing)
-        return doing
+        executor = perform(controlled, action)
+        self._commands.enter(request.client, request.id, what, executor)
+        return executor
 
-    def _commanded(self, ask: CommandAsk) -> tuple[Machine, float]:
+    def _with_control(self, request: CommandAsk) -> tuple[Machine, float]:
         """Return the machine with control for the client of a command, and the time.
 
         Raises:
             OwnershipError: the client has no lease.
             StateError: the client sends too many commands.
         """
-        now, lease, guest = self._clock(), self._holding.lease, self._holding.guest
-        if guest is None or not lease.holds(ask.client, ask.token, now):
-            raise lease.why_not(ask.client, ask.token, now)
+        now, lease, controlled = self._clock(), self._holding.lease, self._holding.controlled
+        if controlled is None or not lease.holds(request.client, request.token, now):
+            raise lease.why_not(request.client, request.token, now)
         if self._rate[0] != lease.token:
             self._rate = lease.token, Bucket()
         if not self._rate[1].take(now):
             raise StateError(
-                f"nothing was done: {lease.who} sends too many commands in too short a time",
+                f"nothing was done: {lease.client_name} sends too many commands in too short a time",
                 remedy="send at most 60 commands a second; halt and quick stop are always accepted",
             )
-        return guest, now
+        return controlled, now
 
 
-def _require_sound(ask: CommandAsk) -> None:
-    require_id(ask.id)
-    if not ask.client or len(ask.client) > LONGEST:
+def _require_valid(request: CommandAsk) -> None:
+    require_id(request.id)
+    if not request.client or len(request.client) > LONGEST:
         raise ArgumentError(
             "a client has no name, or its name is too long",
             remedy=f"at most {LONGEST} characters are allowed",
@@ -140,30 +140,30 @@ def _require_sound(ask: CommandAsk) -> None:
 # The commands of each client by their ids: a repeated id is the same command, and an id that comes too late is rejected.
 
 
-KEPT = 256  # commands of a client
+MAX_COMMANDS = 256  # commands of a client
 CLIENTS = 64
-Under = TypeVar("Under")  # the state of a given command
+State = TypeVar("State")  # the state of a given command
 
 
 @dataclass(slots=True)
-class _Client(Generic[Under]):
+class _Client(Generic[State]):
     highest: int = 0
-    given: OrderedDict[int, tuple[Hashable, Under]] = field(default_factory=OrderedDict)
+    given: OrderedDict[int, tuple[Hashable, State]] = field(default_factory=OrderedDict)
 
 
-class CommandDeduplicator(Generic[Under]):
+class CommandDeduplicator(Generic[State]):
     """Hold the last commands of the last clients. For one thread at a time.
 
     Only the holder of the lease enters commands. A client that was forgotten has not had the lease since many others, and its token
     is void.
     """
 
-    def __init__(self, kept: int = KEPT, clients: int = CLIENTS) -> None:
-        self._kept = kept
-        self._most = clients
-        self._clients: OrderedDict[str, _Client[Under]] = OrderedDict()
+    def __init__(self, max_commands: int = MAX_COMMANDS, clients: int = CLIENTS) -> None:
+        self._max_commands = max_commands
+        self._max_clients = clients
+        self._clients: OrderedDict[str, _Client[State]] = OrderedDict()
 
-    def again(self, client: str, number: int, what: Hashable) -> Under | None:
+    def repeated(self, client: str, number: int, what: Hashable) -> State | None:
         """Return the command that a client has already given with this id; None if the id is new.
 
         Raises:
@@ -178,7 +178,7 @@ class CommandDeduplicator(Generic[Under]):
                 observed=f"command {known.highest} was received before, and this one is no longer stored",
                 remedy="count the ids upwards; a restarted program uses another name",
             )
-        before, under = known.given[number]
+        before, state = known.given[number]
         if (
             before != what
         ):  # also if a program restarts under its old name: it must not get answers of its previous run
@@ -187,27 +187,27 @@ class CommandDeduplicator(Generic[Under]):
                 observed="it had other contents, or belonged to an earlier lease",
                 remedy="give each command its own id; a restarted program uses another name",
             )
-        return under
+        return state
 
-    def enter(self, client: str, number: int, what: Hashable, under: Under) -> None:
+    def enter(self, client: str, number: int, what: Hashable, state: State) -> None:
         """Note a command that is given now."""
         known = self._known(client)
         known.highest = max(known.highest, number)
-        known.given[number] = what, under
-        while len(known.given) > self._kept:
+        known.given[number] = what, state
+        while len(known.given) > self._max_commands:
             known.given.popitem(last=False)
 
-    def passed(self, client: str, number: int) -> bool:
+    def note_id(self, client: str, number: int) -> bool:
         """Note an id without storing its command; return whether it is higher than all earlier ids of the client."""
         known = self._known(client)
         newer = number > known.highest
         known.highest = max(known.highest, number)
         return newer
 
-    def _known(self, client: str) -> _Client[Under]:
+    def _known(self, client: str) -> _Client[State]:
         known = self._clients.setdefault(client, _Client())
         self._clients.move_to_end(client)
-        while len(self._clients) > self._most:
+        while len(self._clients) > self._max_clients:
             self._clients.popitem(last=False)
         return known
 
@@ -226,7 +226,7 @@ def require_id(number: int) -> None:
 
 
 _CLIENTS = 64
-_AGAIN = "release the button, and press it again"
+_PRESS_AGAIN = "release the button, and press it again"
 
 
 @dataclass(slots=True)
@@ -243,35 +243,35 @@ class Jogs:
     def __init__(self) -> None:
         self._clients: OrderedDict[str, _Presses] = OrderedDict()
 
-    def jog(self, machine: Machine, client: str, act: BridgeAction, now: float) -> None:
+    def jog(self, machine: Machine, client: str, action: BridgeAction, now: float) -> None:
         """Start or continue a jog by one query of a client; ``now`` in s, monotonic. Does not block.
 
         Raises:
             StateError: the press is over, or the query comes too late.
             AxisbusError: the error that ended the jog of this press; or as ``Axis.jog``.
         """
-        values, axis, presses = act.values, act.axes[0], self._of(client)
+        values, axis, presses = action.values, action.axes[0], self._of(client)
         before, last = presses.held.get(axis, (DeadMan(), None))
-        lag = presses.lag = presses.lag.told(values["sent"], now)
+        lag = presses.lag = presses.lag.updated(values["sent"], now)
         direction = math.copysign(1.0, values["velocity"])
         broken = self._broken(last)
-        same = before.is_held_by(values["press"])
-        deadman = before.ended() if same and broken is not None else before
+        continues = before.is_held_by(values["press"])
+        deadman = before.ended() if continues and broken is not None else before
         deadman = replace(deadman, lag=lag)
         after = deadman.beaten(values["press"], axis, direction, values["sent"], now)
-        over = same and broken is not None
-        if over or not after.held:
+        broken_off = continues and broken is not None
+        if broken_off or not after.held:
             presses.held[axis] = after.ended(), None
-            if before.held and not over:
+            if before.held and not broken_off:
                 machine[axis].halt()
-            raise broken if over and broken is not None else _late()
+            raise broken if broken_off and broken is not None else _late_error()
         handle = machine[axis].jog(
-            values["velocity"], acceleration=values.get("acceleration"), continue_only=same
+            values["velocity"], acceleration=values.get("acceleration"), continue_only=continues
         )
         mark_end_as_read(handle)
         presses.held[axis] = after, handle
 
-    def stopped(self, axes: Collection[str]) -> None:
+    def note_stop(self, axes: Collection[str]) -> None:
         """Note that axes were halted or stopped: clients that jog one of them must press again."""
         for presses in self._clients.values():
             for axis in presses.held.keys() & set(axes):
@@ -292,9 +292,9 @@ class Jogs:
         return None if isinstance(error, Replaced) else error
 
 
-def _late() -> StateError:
+def _late_error() -> StateError:
     return StateError(
         "the jog has ended",
         observed=f"a query came more than {SILENCE:g} s late, or the axis was halted meanwhile",
-        remedy=_AGAIN,
+        remedy=_PRESS_AGAIN,
     )

@@ -54,26 +54,26 @@ class CommandExecutor:
         return CommandAnswer("done", note="; ".join(handle.note for handle in self.handles if handle.note))
 
 
-def perform(machine: Machine, act: BridgeAction) -> CommandExecutor:
+def perform(machine: Machine, action: BridgeAction) -> CommandExecutor:
     """Give a command to each of its axes; if one refuses at the call, the others get it all the same. Does not block."""
-    return _each(act, lambda name: getattr(machine[name], act.call)(**act.values))
+    return _each(action, lambda name: getattr(machine[name], action.call)(**action.values))
 
 
-def stop(stops: MergedStops, act: BridgeAction) -> CommandExecutor:
+def stop(stops: MergedStops, action: BridgeAction) -> CommandExecutor:
     """As ``perform``, for a stop."""
-    return _each(act, lambda name: stops.give(name, act.call))
+    return _each(action, lambda name: stops.send(name, action.call))
 
 
-def _each(act: BridgeAction, give: Callable[[str], Handle]) -> CommandExecutor:
+def _each(action: BridgeAction, send: Callable[[str], Handle]) -> CommandExecutor:
     handles, refused = list[Handle](), list[AxisbusError]()
-    for name in act.axes:
+    for name in action.axes:
         try:
-            handles.append(give(name))
+            handles.append(send(name))
         except AxisbusError as error:
             refused.append(error)
         except Exception as error:  # the other axes have to be stopped in any case
-            log.exception("%s could not be executed", act)
-            refused.append(CommandError(f"{act}: it could not be executed", observed=str(error)))
+            log.exception("%s could not be executed", action)
+            refused.append(CommandError(f"{action}: it could not be executed", observed=str(error)))
     return CommandExecutor(handles, refused[0] if refused else None)
 
 
@@ -85,35 +85,37 @@ def failed(error: AxisbusError) -> CommandAnswer:
 # -- Remove this process from texts of the core before they are sent: for the network, the holder of the lease counts ----
 
 
-_WHO = rf"process {os.getpid()} \(.*?\), which began at \d+:\d+:\d+"
-_OURS = re.compile(rf" by {_WHO}|{_WHO}: ")
+_PROCESS = rf"process {os.getpid()} \(.*?\), which began at \d+:\d+:\d+"
+_THIS_PROCESS = re.compile(rf" by {_PROCESS}|{_PROCESS}: ")
 
 
-def without(text: str) -> str:
+def without_process(text: str) -> str:
     """Return a text without this process."""
-    return _OURS.sub("", text)
+    return _THIS_PROCESS.sub("", text)
 
 
 def fields_of(error: AxisbusError) -> ErrorFields:
     """Return an error as plain values, with this process removed from its texts."""
     found = to_fields(error)
-    told = {name: without(one) if isinstance(one, str) else one for name, one in found.fields.items()}
-    return msgspec.structs.replace(found, fields=told)
+    texts = {
+        name: without_process(one) if isinstance(one, str) else one for name, one in found.fields.items()
+    }
+    return msgspec.structs.replace(found, fields=texts)
 
 
 # -- Answer commands when they end, in one thread, so that no thread of the network waits for a machine ----------------
 
 
-PATIENCE = 2.0  # seconds after which a command that still runs is answered "running"
-_MOST = 256  # the most waiting answers; further commands are answered "running" at once
+REPLY_TIMEOUT = 2.0  # seconds after which a command that still runs is answered "running"
+_MAX_WAITING = 256  # the most waiting answers; further commands are answered "running" at once
 _SLICE = 1.0  # seconds, the longest sleep of the thread
 Reply = Callable[[CommandAnswer], None]
 
 
 class _Waiting(NamedTuple):
-    doing: CommandExecutor
+    executor: CommandExecutor
     reply: Reply
-    until: float
+    deadline: float
 
 
 class DeferredReplies:
@@ -122,47 +124,51 @@ class DeferredReplies:
     def __init__(self) -> None:
         self._lock = threading.Lock()
         self._waiting: list[_Waiting] = []
-        self._news = threading.Event()
-        self._over = False
+        self._changed = threading.Event()
+        self._closing = False
         self._thread = threading.Thread(target=self._run, name="answers", daemon=True)
         self._thread.start()
 
-    def put(self, doing: CommandExecutor, reply: Reply) -> None:
-        """Call ``reply`` when a command has ended, or after ``PATIENCE`` seconds; does not block."""
+    def put(self, executor: CommandExecutor, reply: Reply) -> None:
+        """Call ``reply`` when a command has ended, or after ``REPLY_TIMEOUT`` seconds; does not block."""
         with self._lock:
-            full = len(self._waiting) >= _MOST
-            until = 0.0 if full else time.monotonic() + PATIENCE
-            self._waiting.append(_Waiting(doing, reply, until))
-        for handle in doing.handles:
+            full = len(self._waiting) >= _MAX_WAITING
+            deadline = 0.0 if full else time.monotonic() + REPLY_TIMEOUT
+            self._waiting.append(_Waiting(executor, reply, deadline))
+        for handle in executor.handles:
             if handle.busy:
-                handle.add_done_callback(self._news.set)
-        self._news.set()
+                handle.add_done_callback(self._changed.set)
+        self._changed.set()
 
     def close(self) -> None:
         """Answer the waiting commands, and end; blocks briefly."""
-        self._over = True
-        self._news.set()
+        self._closing = True
+        self._changed.set()
         self._thread.join()
 
     def _run(self) -> None:
-        while not self._over:
-            self._news.wait(self._next())
-            self._news.clear()
-            self._look()
-        self._look()
+        while not self._closing:
+            self._changed.wait(self._next())
+            self._changed.clear()
+            self._reply_ready()
+        self._reply_ready()
 
     def _next(self) -> float:
         with self._lock:
-            due = min((each.until for each in self._waiting), default=None)
+            due = min((each.deadline for each in self._waiting), default=None)
         return _SLICE if due is None else min(_SLICE, max(0.0, due - time.monotonic()))
 
-    def _look(self) -> None:
+    def _reply_ready(self) -> None:
         now = time.monotonic()
         with self._lock:
-            ready = [each for each in self._waiting if self._over or not each.doing.busy or each.until <= now]
+            ready = [
+                each
+                for each in self._waiting
+                if self._closing or not each.executor.busy or each.deadline <= now
+            ]
             self._waiting = [each for each in self._waiting if each not in ready]
         for each in ready:
             try:
-                each.reply(each.doing.answer if not each.doing.busy else RUNNING)
+                each.reply(each.executor.answer if not each.executor.busy else RUNNING)
             except Exception as error:  # noqa: BLE001  # the client is gone
                 log.debug("an answer could not be sent: %s", error)

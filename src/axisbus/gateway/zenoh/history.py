@@ -29,14 +29,14 @@ class RecordingsWorker:
         self._folder = folder
         self._work: queue.Queue[tuple[HistoryAsk, Reply] | None] = queue.Queue(_WAITING)
         self._reading: subprocess.Popen[bytes] | None = None
-        self._over = False
+        self._closing = False
         self._thread = threading.Thread(target=self._run, name="history", daemon=True)
         self._thread.start()
 
-    def put(self, ask: HistoryAsk, reply: Reply) -> None:
+    def put(self, request: HistoryAsk, reply: Reply) -> None:
         """Queue a query and answer it; refused if too many are waiting. Does not block."""
         try:
-            self._work.put_nowait((ask, reply))
+            self._work.put_nowait((request, reply))
         except queue.Full:
             reply(
                 refused(StateError("too many queries about recordings are waiting", remedy="try again later"))
@@ -44,7 +44,7 @@ class RecordingsWorker:
 
     def close(self) -> None:
         """End, and kill the running process; blocks briefly."""
-        self._over = True
+        self._closing = True
         while not self._work.empty():
             self._work.get_nowait()
         self._work.put(None)
@@ -53,16 +53,16 @@ class RecordingsWorker:
         self._thread.join()
 
     def _run(self) -> None:
-        while (each := self._work.get()) is not None and not self._over:
-            ask, reply = each
+        while (each := self._work.get()) is not None and not self._closing:
+            request, reply = each
             try:
-                answer = self._answer(ask)
+                answer = self._answer(request)
             except Exception as error:
                 log.exception("recordings could not be read")
                 answer = refused(AxisbusError("the recordings could not be read", observed=str(error)))
             reply(answer)
 
-    def _answer(self, ask: HistoryAsk) -> HistoryAnswer:
+    def _answer(self, request: HistoryAsk) -> HistoryAnswer:
         if self._folder is None:
             return refused(
                 StateError(
@@ -76,13 +76,13 @@ class RecordingsWorker:
         ) as reading:  # Ctrl-C in the terminal must only end the bridge
             self._reading = reading
             try:
-                told, _ = reading.communicate(msgspec.json.encode(ask), _LONGEST)
+                output, _ = reading.communicate(msgspec.json.encode(request), _LONGEST)
             except subprocess.TimeoutExpired:
                 return refused(StateError(f"reading took longer than {_LONGEST:g} s, and was aborted"))
             finally:
                 reading.kill()
                 self._reading = None
-        return msgspec.json.decode(told, type=HistoryAnswer)
+        return msgspec.json.decode(output, type=HistoryAnswer)
 
 
 def refused(error: AxisbusError) -> HistoryAnswer:

@@ -19,39 +19,39 @@ from collections.abc import Callable
 from axisbus.errors import AxisbusError, OwnershipError
 from axisbus.gateway.machine_events import Severity
 from axisbus.gateway.zenoh.lease import CellLease, LeasePhase
-from axisbus.gateway.zenoh.publishing import Happened
+from axisbus.gateway.zenoh.publishing import BridgeEvent
 from axisbus.machine.machine import Machine
 
 log = logging.getLogger("axisbus")
 _RELEASED = "released the lease"
-_LOOK = 0.1  # seconds between two checks of the thread if nothing wakes it
+_CHECK_PERIOD = 0.1  # seconds between two checks of the thread if nothing wakes it
 _MARGIN = 0.25  # seconds after the end of the lease at which the core halts the axes automatically
 _CONTINUOUS = 0.3  # seconds without a report of this process after which the core halts an axis in a motion without an end
-Join = Callable[[bool], Machine]
+Attach = Callable[[bool], Machine]
 Answer = Callable[[AxisbusError | None], None]
 
 
 class Holding:
     """Hold the lease, and the client that has control under it; for any thread."""
 
-    def __init__(self, join: Join, tell: Callable[[Happened], None]) -> None:
-        """``join`` joins the machine with control (True: take it from its holder)."""
-        self._join = join
-        self._tell = tell
+    def __init__(self, attach: Attach, publish: Callable[[BridgeEvent], None]) -> None:
+        """``attach`` joins the machine with control (True: take it from its holder)."""
+        self._attach = attach
+        self._publish = publish
         self._changed = threading.Condition()
         self._lease = CellLease()
-        self._guest: Machine | None = None
-        self._wanted: tuple[bool, Answer] | None = None
+        self._controlled: Machine | None = None
+        self._request: tuple[bool, Answer] | None = None
         self._next = "", ""  # the client that requests it, and its name
         self._why = ""
         self._closing = False
-        self._takes = threading.Thread(target=self._take_again, name="lease taking", daemon=True)
-        self._watches = threading.Thread(target=self._watch, name="lease", daemon=True)
+        self._take_thread = threading.Thread(target=self._serve_requests, name="lease taking", daemon=True)
+        self._watch_thread = threading.Thread(target=self._watch, name="lease", daemon=True)
 
     def start(self) -> None:
         """Start the threads."""
-        self._takes.start()
-        self._watches.start()
+        self._take_thread.start()
+        self._watch_thread.start()
 
     def close(self) -> None:
         """End the lease and the threads; blocks until the axes moved under it are halted, or known not to be."""
@@ -59,8 +59,8 @@ class Holding:
             self._closing = True
             self._end("the bridge was ended")
             self._changed.notify_all()
-        self._takes.join()
-        self._watches.join()
+        self._take_thread.join()
+        self._watch_thread.join()
 
     @property
     def lease(self) -> CellLease:
@@ -68,25 +68,25 @@ class Holding:
         return self._lease
 
     @property
-    def guest(self) -> Machine | None:
+    def controlled(self) -> Machine | None:
         """The machine with control for the holder; None while no client has the lease."""
-        return self._guest if self._lease.phase is LeasePhase.HELD else None
+        return self._controlled if self._lease.phase is LeasePhase.HELD else None
 
     # -- requests of clients -------------------------------------------------------------------------------------------
 
-    def take(self, client: str, who: str, over: bool, answer: Answer) -> None:
+    def take(self, client: str, client_name: str, force: bool, answer: Answer) -> None:
         """Give a client the lease; ``answer`` is called when it has it, or with the refusal, in any thread. Does not block."""
         with self._changed:
-            refused = self._lease.refusal(client, over=over)
-            if refused is None and (self._closing or self._wanted is not None):
+            refused = self._lease.refusal(client, force=force)
+            if refused is None and (self._closing or self._request is not None):
                 refused = OwnershipError("the lease is changing its holder", remedy="try again in a moment")
             if refused is None:
                 if self._lease.phase is LeasePhase.HELD:
-                    self._end(f"{who or client} took over the lease")
-                self._next = client, who
-                self._wanted = over, answer
+                    self._end(f"{client_name or client} took over the lease")
+                self._next = client, client_name
+                self._request = force, answer
                 if self._lease.phase is LeasePhase.FREE:
-                    self._lease = CellLease().taking(client, who)
+                    self._lease = CellLease().taking(client, client_name)
                 self._changed.notify_all()
         if refused is not None:
             answer(refused)
@@ -98,7 +98,7 @@ class Holding:
             if not self._lease.holds(client, token, now):
                 return self._lease.why_not(client, token, now)
             self._lease = self._lease.renewed(now)
-            self._hold()
+            self._hold_to_run()
             return None
 
     def release(self, client: str, token: str) -> AxisbusError | None:
@@ -107,7 +107,7 @@ class Holding:
             now = time.monotonic()
             if not self._lease.holds(client, token, now):
                 return self._lease.why_not(client, token, now)
-            self._end(f"{self._lease.who} {_RELEASED}")
+            self._end(f"{self._lease.client_name} {_RELEASED}")
             return None
 
     def lost(self, why: str) -> None:
@@ -123,91 +123,93 @@ class Holding:
             return
         self._why = why
         self._lease = self._lease.ending()
-        if self._guest is not None:
-            self._guest.session.request_stop(why)  # does not block
+        if self._controlled is not None:
+            self._controlled.session.request_stop(why)  # does not block
         self._changed.notify_all()
 
-    def _hold(self) -> None:
+    def _hold_to_run(self) -> None:
         """Make the core halt automatically if this process does not handle the end of the lease (with the lock)."""
-        if self._guest is not None:
+        if self._controlled is not None:
             left = self._lease.seconds(time.monotonic())
-            self._guest.hold_to_run(max(0.0, left) + _MARGIN, _CONTINUOUS)  # does not block
+            self._controlled.hold_to_run(max(0.0, left) + _MARGIN, _CONTINUOUS)  # does not block
 
     def _watch(self) -> None:
         """End the lease when it expires; this thread waits only for the lock."""
         while True:
             with self._changed:
                 held = self._lease.phase is LeasePhase.HELD
-                if held and self._lease.over(time.monotonic()):
-                    self._end(f"the lease of {self._lease.who} was not renewed")
+                if held and self._lease.expired(time.monotonic()):
+                    self._end(f"the lease of {self._lease.client_name} was not renewed")
                 elif held:
-                    self._hold()
+                    self._hold_to_run()
                 if self._closing and self._lease.phase is LeasePhase.FREE:
                     break
-                wait = min(_LOOK, self._lease.seconds(time.monotonic())) if held else _LOOK
+                wait = min(_CHECK_PERIOD, self._lease.seconds(time.monotonic())) if held else _CHECK_PERIOD
                 self._changed.wait(max(0.001, wait))
 
-    def _take_again(self) -> None:
+    def _serve_requests(self) -> None:
         """Release control when the lease ends, and take it when it is requested: both may block for long."""
         while True:
             with self._changed:
                 self._changed.wait_for(self._due)
-                ending, wanted = self._lease.phase is LeasePhase.ENDING, self._wanted
-                if not ending and wanted is None:
+                ending, request = self._lease.phase is LeasePhase.ENDING, self._request
+                if not ending and request is None:
                     return
             if ending:
-                self._give_back()
-            elif wanted is not None:
-                self._have(*wanted)
+                self._release_control()
+            elif request is not None:
+                self._take_control(*request)
 
     def _due(self) -> bool:
         phase = self._lease.phase
         return (
             phase is LeasePhase.ENDING
-            or self._wanted is not None
+            or self._request is not None
             or (self._closing and phase is LeasePhase.FREE)
         )
 
-    def _give_back(self) -> None:
-        guest, why, who = self._guest, self._why, self._lease.who
+    def _release_control(self) -> None:
+        controlled, why, client_name = self._controlled, self._why, self._lease.client_name
         severity: Severity = (
             "info" if why.endswith(_RELEASED) else "warning"
         )  # a release is normal, other ends are not
-        self._tell(Happened("lease", f"{who} no longer has the lease: {why}", severity=severity))
+        self._publish(
+            BridgeEvent("lease", f"{client_name} no longer has the lease: {why}", severity=severity)
+        )
         try:
-            if guest is not None:
-                guest.close()
+            if controlled is not None:
+                controlled.close()
         except BaseException as error:  # noqa: BLE001  # the machine may be gone: then there is nothing to release
             log.info("while control was released: %s", error)
         with self._changed:
-            self._guest = None
-            wanted = self._wanted
-            self._lease = CellLease() if wanted is None else CellLease().taking(*self._next)
+            self._controlled = None
+            request = self._request
+            self._lease = CellLease() if request is None else CellLease().taking(*self._next)
             self._changed.notify_all()
 
-    def _have(self, over: bool, answer: Answer) -> None:
-        client, who = self._next
+    def _take_control(self, force: bool, answer: Answer) -> None:
+        client, client_name = self._next
         error: AxisbusError | None = None
-        guest: Machine | None = None
+        controlled: Machine | None = None
         try:
-            guest = self._join(over)
+            controlled = self._attach(force)
         except AxisbusError as refused:
             error = refused
         except Exception as unforeseen:
             log.exception("control could not be obtained")
             error = AxisbusError("control could not be obtained", observed=str(unforeseen))
         with self._changed:
-            self._wanted = None
-            self._guest = guest
-            self._lease = CellLease().taking(client, who)
-            if guest is None:
+            self._request = None
+            self._controlled = controlled
+            self._lease = CellLease().taking(client, client_name)
+            if controlled is None:
                 self._lease = CellLease()
             else:
                 self._lease = self._lease.taken(secrets.token_hex(8), time.monotonic())
-                self._hold()
+                self._hold_to_run()
             if self._closing:
                 self._end("the bridge was ended")
             self._changed.notify_all()
         if error is None:
-            self._tell(Happened("lease", f"{who or client} has the lease"))
+            self._publish(BridgeEvent("lease", f"{client_name or client} has the lease"))
         answer(error)

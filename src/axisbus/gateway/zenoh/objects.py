@@ -112,14 +112,14 @@ def _entry(machine: Machine, node_id: int, index: int, subindex: int) -> tuple[M
 
 def _typed(entry: DictionaryEntry, value: Value) -> Typed:
     """Return a value in the type of the object; octets are given as hexadecimal digits."""
-    kind, told = entry.data_type, type(value)
+    kind, value_type = entry.data_type, type(value)
     if kind is None or value is None:
         raise ArgumentError(f"{entry}: its EDS gives no type, or the value is missing")
     if kind in _TEXT and isinstance(value, str):
         return value
-    if kind in _REAL and told in (int, float) and math.isfinite(float(value)):
+    if kind in _REAL and value_type in (int, float) and math.isfinite(float(value)):
         return float(value)
-    if kind.integer and (told is int or (kind is DataType.BOOLEAN and told is bool)):
+    if kind.integer and (value_type is int or (kind is DataType.BOOLEAN and value_type is bool)):
         return int(value)
     if not kind.integer and kind not in (*_REAL, *_TEXT) and isinstance(value, str):
         return _octets(entry, value)

@@ -28,13 +28,13 @@ from axisbus.motion.snapshot import Snapshot
 
 # -- Number events, and store the last ones for clients that have missed some ----------------------------------------------
 
-KEPT = 1024  # events
-AT_ONCE = 256  # in one answer
+MAX_EVENTS = 1024  # events
+MAX_ANSWER = 256  # in one answer
 Kind = Literal["machine", "node", "emcy", "incident", "bus", "command", "lease"]
 
 
 @dataclass(frozen=True, slots=True)
-class Happened:
+class BridgeEvent:
     """An event before it has a number; the fields are those of ``messages.Event``."""
 
     kind: Kind
@@ -46,78 +46,78 @@ class Happened:
 
 
 class BridgeEventLog:
-    """Hold the last events of one run of a bridge. ``enter`` is for one thread at a time, the rest for any."""
+    """Hold the last events of one run of a bridge. ``add`` is for one thread at a time, the rest for any."""
 
     def __init__(self, bridge: str) -> None:
         self._bridge = bridge
-        self._kept: deque[Event] = deque(maxlen=KEPT)
+        self._events: deque[Event] = deque(maxlen=MAX_EVENTS)
         self._count = 0
 
-    def enter(self, happened: Happened, clock: float) -> Event:
+    def add(self, content: BridgeEvent, clock: float) -> Event:
         """Store an event with the next number and return it; ``clock`` in s since 1970."""
         self._count += 1
         event = Event(
             self._count,
             self._bridge,
             clock,
-            happened.kind,
-            happened.text,
-            happened.about,
-            happened.severity,
-            happened.cause,
-            happened.remedy,
+            content.kind,
+            content.text,
+            content.about,
+            content.severity,
+            content.cause,
+            content.remedy,
         )
-        self._kept.append(event)
+        self._events.append(event)
         return event
 
-    def answer(self, ask: EventsAsk) -> EventsAnswer:
-        """Return the requested events that are stored; oldest first, and no more than ``AT_ONCE``."""
-        kept = tuple(self._kept)
-        if not kept:
+    def answer(self, request: EventsAsk) -> EventsAnswer:
+        """Return the requested events that are stored; oldest first, and no more than ``MAX_ANSWER``."""
+        stored = tuple(self._events)
+        if not stored:
             return EventsAnswer(self._bridge)
-        last = kept[-1].n if ask.last is None else ask.last
-        asked = tuple(event for event in kept if ask.first <= event.n <= last)
-        return EventsAnswer(self._bridge, kept[0].n, kept[-1].n, asked[:AT_ONCE])
+        last = stored[-1].n if request.last is None else request.last
+        requested = tuple(event for event in stored if request.first <= event.n <= last)
+        return EventsAnswer(self._bridge, stored[0].n, stored[-1].n, requested[:MAX_ANSWER])
 
 
 # -- Publish the states of the axes and the events -------------------------------------------------------------------------
 
 log = logging.getLogger("axisbus")
 PERIOD = 0.01  # seconds between two states of an axis
-_SAME = 0.1  # seconds, the same if the process image is unchanged and only its age has changed
-_LOOK = 0.1  # seconds between two checks for subscribers
+_UNCHANGED_PERIOD = 0.1  # seconds, the same if the process image is unchanged and only its age has changed
+_SUBSCRIBER_PERIOD = 0.1  # seconds between two checks for subscribers
 Counts = dict[str, Iterator[int]]  # of the states of each axis, in one run of a bridge
 _JSON = zenoh.Encoding.APPLICATION_JSON
 
 
 class EventPublisher:
-    """Number events, store them, and publish them in order; ``tell`` is for any thread."""
+    """Number events, store them, and publish them in order; ``publish`` is for any thread."""
 
     def __init__(self, session: zenoh.Session, keys: ZenohCellKeys, bridge: str) -> None:
-        self.kept = BridgeEventLog(bridge)
+        self.stored = BridgeEventLog(bridge)
         self._publisher = session.declare_publisher(
             keys.events,
             encoding=_JSON,
             congestion_control=zenoh.CongestionControl.BLOCK,
             priority=zenoh.Priority.DATA_HIGH,
         )
-        self._told: queue.Queue[Happened | None] = queue.Queue()
+        self._queue: queue.Queue[BridgeEvent | None] = queue.Queue()
         self._thread = threading.Thread(target=self._run, name="events", daemon=True)
         self._thread.start()
 
-    def tell(self, happened: Happened) -> None:
+    def publish(self, content: BridgeEvent) -> None:
         """Publish an event; does not block."""
-        self._told.put(happened)
+        self._queue.put(content)
 
     def close(self) -> None:
         """Publish the waiting events, and end; blocks briefly, longer if a subscriber does not read."""
-        self._told.put(None)
+        self._queue.put(None)
         self._thread.join(2.0)
         self._publisher.undeclare()  # type: ignore[no-untyped-call]
 
     def _run(self) -> None:
-        while (happened := self._told.get()) is not None:
-            event: Event = self.kept.enter(happened, time.time())
+        while (content := self._queue.get()) is not None:
+            event: Event = self.stored.add(content, time.time())
             try:
                 self._publisher.put(msgspec.json.encode(event))
             except Exception as error:  # noqa: BLE001  # it is stored and can be queried
@@ -147,12 +147,12 @@ class States:
         self._changed = changed
         self._counts = counts
         self._publishers: dict[str, zenoh.Publisher] = {}
-        self._heard: frozenset[str] = frozenset()
+        self._subscribed: frozenset[str] = frozenset()
         self._sent: dict[
             str, tuple[float, float]
         ] = {}  # by axis: the time of the process image, and of its sending
-        self._seen: dict[str, object] = {}
-        self._over = threading.Event()
+        self._states: dict[str, object] = {}
+        self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="states", daemon=True)
 
     def start(self) -> None:
@@ -161,7 +161,7 @@ class States:
 
     def close(self) -> None:
         """End the thread; blocks briefly."""
-        self._over.set()
+        self._closing.set()
         self._thread.join(2.0)
         for publisher in self._publishers.values():
             publisher.undeclare()  # type: ignore[no-untyped-call]
@@ -177,19 +177,19 @@ class States:
         return state_of(snapshot, parameters, now, time.time(), n, self._bridge, silent)
 
     def _run(self) -> None:
-        due = look = time.monotonic()
-        while not self._over.wait(max(0.0, due - time.monotonic())):
+        due = next_check = time.monotonic()
+        while not self._closing.wait(max(0.0, due - time.monotonic())):
             now = time.monotonic()
             due = max(due + PERIOD, now)  # missed states are not made up for in a burst
             try:
-                if now >= look:
-                    look = now + _LOOK
-                    self._look()
+                if now >= next_check:
+                    next_check = now + _SUBSCRIBER_PERIOD
+                    self._find_subscribers()
                 self._publish(now)
             except Exception as error:  # noqa: BLE001  # the machine or the session ends: both are reported elsewhere
                 log.debug("states could not be published: %s", error)
 
-    def _look(self) -> None:
+    def _find_subscribers(self) -> None:
         """Determine which axes have subscribers, and declare a publisher for new axes."""
         for axis in self._machine.session.axes:
             if axis not in self._publishers:
@@ -199,22 +199,22 @@ class States:
                     congestion_control=zenoh.CongestionControl.DROP,
                     priority=zenoh.Priority.DATA_LOW,
                 )
-        self._heard = frozenset(
+        self._subscribed = frozenset(
             axis for axis, publisher in self._publishers.items() if publisher.matching_status
         )
 
     def _publish(self, now: float) -> None:
         session = self._machine.session
         snapshots = session.snapshots
-        seen = {axis: (one.state, one.error is None) for axis, one in snapshots.items()}
-        if seen != self._seen:
-            self._seen = dict(seen)
+        states = {axis: (one.state, one.error is None) for axis, one in snapshots.items()}
+        if states != self._states:
+            self._states = dict(states)
             self._changed()
-        silent = bool(self._heard) and session.silent is not None
-        for axis in self._heard:
+        silent = bool(self._subscribed) and session.silent is not None
+        for axis in self._subscribed:
             snapshot = snapshots[axis]
             image, sent = self._sent.get(axis, (-1.0, -1.0))
-            if snapshot.now == image and now - sent < _SAME:
+            if snapshot.now == image and now - sent < _UNCHANGED_PERIOD:
                 continue
             self._sent[axis] = snapshot.now, now
             self._publishers[axis].put(msgspec.json.encode(self._state(axis, snapshot, now, silent)))
@@ -243,7 +243,7 @@ def state_of(
     age = max(0.0, now - snapshot.now)
     unit, error = parameters.units.position.unit, snapshot.error
     if silent or age > OLD:
-        return AxisStateMessage(n, bridge, clock, unit, UNKNOWN, age, error=_told(error), sent=now)
+        return AxisStateMessage(n, bridge, clock, unit, UNKNOWN, age, error=_error_text(error), sent=now)
     units = parameters.units
     return AxisStateMessage(
         n,
@@ -259,7 +259,7 @@ def state_of(
         values.torque(snapshot, units),
         values.following_error(snapshot, units),
         snapshot.homed,
-        _told(error),
+        _error_text(error),
         None if snapshot.position is None else max(0.0, now - snapshot.position_stamp),
         now,
     )
@@ -279,5 +279,5 @@ def info_of(axis: Axis, node: int | None) -> AxisInfo:
     return AxisInfo(axis.name, axis.unit, node, known)
 
 
-def _told(error: AxisbusError | None) -> str | None:
+def _error_text(error: AxisbusError | None) -> str | None:
     return None if error is None else with_alarm(error.message, error)

@@ -49,19 +49,19 @@ def chosen(folder: Path, name: str) -> Path:
         ArgumentError: there is no recording of this name.
         StateError: the recording is too large.
     """
-    there = next((each for each in recordings(folder) if each.name == name), None)
-    if there is None:
+    info = next((each for each in recordings(folder) if each.name == name), None)
+    if info is None:
         raise ArgumentError(f"there is no recording {name!r}", remedy="query without a name to list them")
-    if there.size > LARGEST:
+    if info.size > LARGEST:
         raise StateError(
             f"{name} is too large to be read over the network",
-            observed=f"it has {there.size / 1e6:.0f} MB; at most {LARGEST / 1e6:.0f} MB are allowed",
+            observed=f"it has {info.size / 1e6:.0f} MB; at most {LARGEST / 1e6:.0f} MB are allowed",
             remedy="copy the file itself, or make shorter recordings",
         )
     return folder / name
 
 
-def samples(recorded: Recorded, ask: HistoryAsk) -> HistoryAnswer:
+def samples(recorded: Recorded, request: HistoryAsk) -> HistoryAnswer:
     """Return the requested signals between two times, evenly thinned out if there are more samples than requested.
 
     All samples have the times of the first signal's axis or object; the other signals have their latest values at these times.
@@ -69,17 +69,17 @@ def samples(recorded: Recorded, ask: HistoryAsk) -> HistoryAnswer:
     Raises:
         ArgumentError: there is no such signal, or no signal is given.
     """
-    if not ask.signals:
+    if not request.signals:
         raise ArgumentError("which signals?", remedy=f"there are {', '.join(_names(recorded)) or 'none'}")
-    found = [_signal(recorded, name) for name in ask.signals]
+    found = [_signal(recorded, name) for name in request.signals]
     times = found[0][0]
-    end = math.inf if ask.end is None else ask.end
-    there = [at for at, time in enumerate(times) if ask.begin <= time <= end]
-    most = max(1, min(ask.most, MOST // len(found)))
-    step = max(1, math.ceil(len(there) / most))
-    taken = [times[at] for at in there[::step]]
-    values = {name: _at(taken, *each) for name, each in zip(ask.signals, found, strict=True)}
-    return HistoryAnswer(times=tuple(taken), values=values)
+    end = math.inf if request.end is None else request.end
+    indices = [at for at, time in enumerate(times) if request.begin <= time <= end]
+    most = max(1, min(request.most, MOST // len(found)))
+    step = max(1, math.ceil(len(indices) / most))
+    sampled = [times[at] for at in indices[::step]]
+    values = {name: _at(sampled, *each) for name, each in zip(request.signals, found, strict=True)}
+    return HistoryAnswer(times=tuple(sampled), values=values)
 
 
 def _signal(recorded: Recorded, name: str) -> tuple[Sequence[float], Sequence[Any]]:
@@ -104,10 +104,10 @@ def _names(recorded: Recorded) -> list[str]:
     ]
 
 
-def _at(taken: Sequence[float], times: Sequence[float], values: Sequence[Any]) -> tuple[float | None, ...]:
+def _at(sampled: Sequence[float], times: Sequence[float], values: Sequence[Any]) -> tuple[float | None, ...]:
     """Return the latest values at these ascending times; None if there was none yet, or it is not a number."""
     found, at = list[float | None](), 0
-    for time in taken:
+    for time in sampled:
         while at < len(times) and times[at] <= time:
             at += 1
         found.append(_number(values[at - 1]) if at else None)
@@ -122,12 +122,12 @@ def _number(value: Any) -> float | None:
 _NICE = 15
 
 
-def answer(folder: Path, ask: HistoryAsk) -> HistoryAnswer:
+def answer(folder: Path, request: HistoryAsk) -> HistoryAnswer:
     """Return the answer to a query; an error is a possible answer. Blocks."""
     try:
-        if not ask.recording:
+        if not request.recording:
             return HistoryAnswer(recordings=recordings(folder))
-        return samples(mcap_reader.load(chosen(folder, ask.recording)), ask)
+        return samples(mcap_reader.load(chosen(folder, request.recording)), request)
     except AxisbusError as error:
         return HistoryAnswer(error=to_fields(error))
 
@@ -135,8 +135,8 @@ def answer(folder: Path, ask: HistoryAsk) -> HistoryAnswer:
 def main() -> int:
     """Read one query, and answer it."""
     lower_priority(_NICE)
-    ask = msgspec.json.decode(sys.stdin.buffer.read(), type=HistoryAsk)
-    sys.stdout.buffer.write(msgspec.json.encode(answer(Path(sys.argv[1]), ask)))
+    request = msgspec.json.decode(sys.stdin.buffer.read(), type=HistoryAsk)
+    sys.stdout.buffer.write(msgspec.json.encode(answer(Path(sys.argv[1]), request)))
     return 0
 
 

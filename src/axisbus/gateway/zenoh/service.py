@@ -43,9 +43,9 @@ _JSON = zenoh.Encoding.APPLICATION_JSON
 class ZenohQuery:
     """One query; to be answered or dropped, by any thread."""
 
-    def __init__(self, query: zenoh.Query) -> None:
-        self._query = query
-        self.key = str(query.key_expr)
+    def __init__(self, raw_query: zenoh.Query) -> None:
+        self._query = raw_query
+        self.key = str(raw_query.key_expr)
 
     @property
     def concrete(self) -> bool:
@@ -107,18 +107,18 @@ class ZenohQuery:
             log.debug("a query could not be closed: %s", error)
 
 
-def heard(take: Callable[[ZenohQuery], None]) -> Callable[[zenoh.Query], None]:
+def guarded(handler: Callable[[ZenohQuery], None]) -> Callable[[zenoh.Query], None]:
     """Return a callback of a queryable that survives any error in a query."""
 
-    def hear(query: zenoh.Query) -> None:
-        asked = ZenohQuery(query)
+    def on_query(raw_query: zenoh.Query) -> None:
+        query = ZenohQuery(raw_query)
         try:
-            take(asked)
+            handler(query)
         except Exception as error:  # noqa: BLE001
-            log.warning("a query on %s could not be processed: %s", asked.key, error)
-            asked.drop()
+            log.warning("a query on %s could not be processed: %s", query.key, error)
+            query.drop()
 
-    return hear
+    return on_query
 
 
 # -- The queries that a cell answers ---------------------------------------------------------------------------------------
@@ -149,8 +149,8 @@ class ZenohService:
         self._info = info
         self._commander = commander
         self._declared = ExitStack()
-        takes: dict[str, Callable[[ZenohQuery], None]] = {
-            keys.info: lambda asked: asked.answer(keys.info, self._info()),
+        handlers: dict[str, Callable[[ZenohQuery], None]] = {
+            keys.info: lambda query: query.answer(keys.info, self._info()),
             keys.state("*"): self._state,
             keys.lease: self._lease,
             keys.objects: self._object,
@@ -159,72 +159,77 @@ class ZenohService:
             },  # so that a flood of other commands delays no stop
             keys.command("*"): self._command_but_stops,
         }
-        for key, take in takes.items():
-            queryable = session.declare_queryable(key, heard(take))
+        for key, handler in handlers.items():
+            queryable = session.declare_queryable(key, guarded(handler))
             self._declared.callback(queryable.undeclare)
 
     def close(self) -> None:
         """Answer no more queries; blocks briefly."""
         self._declared.close()
 
-    def _state(self, asked: ZenohQuery) -> None:
+    def _state(self, query: ZenohQuery) -> None:
         for axis in self._machine.axes:
-            if asked.intersects(self._keys.state(axis)):
-                asked.answer(self._keys.state(axis), self._states.of(axis), last=False)
-        asked.drop()
+            if query.intersects(self._keys.state(axis)):
+                query.answer(self._keys.state(axis), self._states.of(axis), last=False)
+        query.drop()
 
     # -- commands ------------------------------------------------------------------------------------------------------
 
-    def _command_but_stops(self, asked: ZenohQuery) -> None:
-        if asked.key.rpartition("/")[2] in STOPS or not asked.concrete:
-            asked.drop()  # a stop has its own queryable, and only a stop may address several cells
+    def _command_but_stops(self, query: ZenohQuery) -> None:
+        if query.key.rpartition("/")[2] in STOPS or not query.concrete:
+            query.drop()  # a stop has its own queryable, and only a stop may address several cells
         else:
-            self._command(asked)
+            self._command(query)
 
-    def _command(self, asked: ZenohQuery) -> None:
-        verb = asked.key.rpartition("/")[2]
+    def _command(self, query: ZenohQuery) -> None:
+        verb = query.key.rpartition("/")[2]
         key = self._keys.command(verb)
         if "*" in verb or "$" in verb:
-            asked.drop()
+            query.drop()
             return
         try:
-            ask = _stop(verb, asked) if verb in STOPS else asked.message(CommandAsk)
+            message = _stop(verb, query) if verb in STOPS else query.message(CommandAsk)
         except AxisbusError as error:
-            asked.answer(key, failed(error))
+            query.answer(key, failed(error))
             return
 
         def reply(answer: CommandAnswer) -> None:
-            asked.answer(key, answer)
+            query.answer(key, answer)
 
-        self._commands.take(verb, ask, reply)
+        self._commands.execute(verb, message, reply)
 
     # -- the lease -----------------------------------------------------------------------------------------------------
 
-    def _lease(self, asked: ZenohQuery) -> None:
+    def _lease(self, query: ZenohQuery) -> None:
         received = time.monotonic()
 
-        def tell(client: str = "", error: AxisbusError | None = None) -> None:
-            asked.answer(self._keys.lease, self._told(client, error, received))
+        def reply_lease(client: str = "", error: AxisbusError | None = None) -> None:
+            query.answer(self._keys.lease, self._lease_state(client, error, received))
 
-        if not asked.concrete:
-            tell()
+        if not query.concrete:
+            reply_lease()
             return
         try:
-            ask = asked.message(LeaseAsk)
-            _require_name(ask)
+            message = query.message(LeaseAsk)
+            _require_name(message)
         except AxisbusError as error:
-            tell(error=error)
+            reply_lease(error=error)
             return
-        if ask.verb == "take":
-            self._holding.take(ask.client, ask.who, ask.over, lambda refused: tell(ask.client, refused))
-        elif ask.verb == "look":
-            tell()
+        if message.verb == "take":
+            self._holding.take(
+                message.client,
+                message.who,
+                message.over,
+                lambda refused: reply_lease(message.client, refused),
+            )
+        elif message.verb == "look":
+            reply_lease()
         else:
-            do = self._holding.renew if ask.verb == "renew" else self._holding.release
-            refused = do(ask.client, ask.token)
-            tell(ask.client if refused is None else "", refused)
+            change = self._holding.renew if message.verb == "renew" else self._holding.release
+            refused = change(message.client, message.token)
+            reply_lease(message.client if refused is None else "", refused)
 
-    def _told(self, client: str, error: AxisbusError | None, received: float) -> LeaseAnswer:
+    def _lease_state(self, client: str, error: AxisbusError | None, received: float) -> LeaseAnswer:
         """Return the state of the lease; with its token only for ``client``, if that client has it.
 
         Its seconds count from the arrival of the query. The client counts from the sending, and so its lease ends earlier than
@@ -239,34 +244,34 @@ class ZenohService:
 
     # -- objects -------------------------------------------------------------------------------------------------------
 
-    def _object(self, asked: ZenohQuery) -> None:
-        if not asked.concrete:
-            asked.drop()  # one query must not cause a transfer for each object of each node
+    def _object(self, query: ZenohQuery) -> None:
+        if not query.concrete:
+            query.drop()  # one query must not cause a transfer for each object of each node
             return
         try:
-            node, index, subindex = _place(asked.key)
-            write = asked.message(ObjectWrite) if asked.data else None
-            machine = self._machine if write is None else self._commanded(write)
+            node, index, subindex = _object_of(query.key)
+            write = query.message(ObjectWrite) if query.data else None
+            machine = self._machine if write is None else self._with_control(write)
         except AxisbusError as error:
-            asked.answer(asked.key, answer_of(error))
+            query.answer(query.key, answer_of(error))
             return
         if write is None:
             self._transfers.put(
                 lambda: objects.read(machine, node, index, subindex),
-                lambda answer: asked.answer(asked.key, answer),
+                lambda answer: query.answer(query.key, answer),
             )
             return
         value = write.value
         self._transfers.put(
             lambda: objects.write(machine, node, index, subindex, value),
-            lambda answer: asked.answer(asked.key, answer),
+            lambda answer: query.answer(query.key, answer),
         )
 
-    def _commanded(self, write: ObjectWrite) -> Machine:
-        now, lease, guest = time.monotonic(), self._holding.lease, self._holding.guest
-        if guest is None or not lease.holds(write.client, write.token, now):
+    def _with_control(self, write: ObjectWrite) -> Machine:
+        now, lease, controlled = time.monotonic(), self._holding.lease, self._holding.controlled
+        if controlled is None or not lease.holds(write.client, write.token, now):
             raise lease.why_not(write.client, write.token, now)
-        return guest
+        return controlled
 
 
 class _Stop(msgspec.Struct, frozen=True):
@@ -278,27 +283,27 @@ class _Stop(msgspec.Struct, frozen=True):
     axes: tuple[str, ...] = ()
 
 
-def _stop(verb: str, asked: ZenohQuery) -> CommandAsk:
+def _stop(verb: str, query: ZenohQuery) -> CommandAsk:
     """Return a stop as a command; no field but its axes can invalidate it, and a stop of all axes is always valid."""
-    whole = verb.endswith(ALL)
+    all_axes = verb.endswith(ALL)
     try:
-        found = asked.message(_Stop) if asked.data else _Stop()
+        found = query.message(_Stop) if query.data else _Stop()
     except AxisbusError:
-        if not whole:
+        if not all_axes:
             raise
         found = _Stop()
-    return CommandAsk(found.client, found.id, found.token, () if whole else found.axes)
+    return CommandAsk(found.client, found.id, found.token, () if all_axes else found.axes)
 
 
-def _require_name(ask: LeaseAsk) -> None:
-    if not 0 < len(ask.client) <= LONGEST or len(ask.who) > LONGEST:
+def _require_name(message: LeaseAsk) -> None:
+    if not 0 < len(message.client) <= LONGEST or len(message.who) > LONGEST:
         raise ArgumentError(
             "a client has no name, or its name is too long",
             remedy=f"at most {LONGEST} characters are allowed",
         )
 
 
-def _place(key: str) -> tuple[int, int, int]:
+def _object_of(key: str) -> tuple[int, int, int]:
     """Return node, index and sub-index from the end of a key.
 
     Raises:

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 from axisbus.system.process_limits import most_descriptors
 from axisbus.web.access.limits import CONNECTIONS
 
-PATIENCE = 5.0  # seconds within which the gate must admit a connection, including its TLS handshake
-_FAREWELL = 1.0  # seconds that the far end of an encrypted connection may take to confirm its end
+ADMISSION_TIMEOUT = 5.0  # seconds within which the gate must admit a connection, including its TLS handshake
+_TLS_CLOSE_TIME = 1.0  # seconds that the far end of an encrypted connection may take to confirm its end
 _WAITING = 2048  # connections that may wait in the kernel until they are accepted
 _PAUSE = 0.05  # seconds before the next attempt if no descriptor was free
 _SHARE = 4  # one of this many descriptors of the process is for these connections
@@ -35,12 +35,12 @@ Peer = tuple[str, int]
 class Connection:
     """An open connection; ``session`` is the number of its browser once the gate has admitted it.
 
-    ``kept``: it is the socket of a page.
+    ``is_page``: it is the socket of a page.
     """
 
     line: socket.socket
     session: int | None = None
-    kept: bool = False
+    is_page: bool = False
     ended: bool = False  # by this module; its protocol notices that in one of the next rounds
 
     @property
@@ -63,13 +63,13 @@ class Acceptor:
         self._listening = listening
         self._open: dict[Peer, Connection] = {}
         self._beginning: set[asyncio.Task[None]] = set()
-        self._most = most_connections()
+        self._max_connections = max_connections()
 
-    def let_in(self, peer: Peer | None, session: int, *, kept: bool) -> None:
-        """Note that the gate has admitted the browser of a session on a connection; ``kept``: as the socket of a page."""
+    def note_admission(self, peer: Peer | None, session: int, *, is_page: bool) -> None:
+        """Note that the gate has admitted the browser of a session on a connection; ``is_page``: as the socket of a page."""
         connection = None if peer is None else self._open.get((str(peer[0]), int(peer[1])))
         if connection is not None:
-            connection.session, connection.kept = session, kept
+            connection.session, connection.is_page = session, is_page
 
     async def run(self, protocol: Callable[[], asyncio.Protocol], tls: ssl.SSLContext | None) -> None:
         """Accept connections for protocols made by ``protocol``, until cancelled."""
@@ -80,36 +80,36 @@ class Acceptor:
             try:
                 line, address = await loop.sock_accept(self._listening)
             except OSError:  # no descriptor is free, or the connection was closed again
-                self._make_room(len(self._open))
+                self._limit_connections(len(self._open))
                 await asyncio.sleep(_PAUSE)
                 continue
-            self._make_room(self._most)
+            self._limit_connections(self._max_connections)
             peer = (str(address[0]), int(address[1]))
             connection = self._open[peer] = Connection(line)
             beginning = loop.create_task(_begin(connection, protocol, tls))
             self._beginning.add(beginning)
             beginning.add_done_callback(self._beginning.discard)
-            loop.call_later(PATIENCE, _give_up, connection)
+            loop.call_later(ADMISSION_TIMEOUT, _close_if_not_admitted, connection)
             await asyncio.sleep(0)  # other tasks run in between, however many connections wait
 
-    def _make_room(self, most: int) -> None:
-        """Forget connections that have ended; close one if their number has reached ``most``."""
+    def _limit_connections(self, limit: int) -> None:
+        """Forget connections that have ended; close one if their number has reached ``limit``."""
         self._open = {peer: each for peer, each in self._open.items() if each.is_open}
-        one = one_too_many(self._open.values(), most)
+        one = connection_to_close(self._open.values(), limit)
         if one is not None:
             one.end()
 
 
-def most_connections() -> int:
+def max_connections() -> int:
     """Return the highest number of connections, without the sockets of pages: lower if the process may have few descriptors."""
     descriptors = most_descriptors()
     return CONNECTIONS if descriptors is None else min(CONNECTIONS, descriptors // _SHARE)
 
 
-def one_too_many(found: Iterable[Connection], most: int) -> Connection | None:
-    """Return the connection, of those given oldest first, to close for one more; None if there are fewer than ``most``."""
-    ending = [each for each in found if not each.kept and not each.ended]
-    if len(ending) < most or not ending:
+def connection_to_close(found: Iterable[Connection], limit: int) -> Connection | None:
+    """Return the connection, of those given oldest first, to close for one more; None if there are fewer than ``limit``."""
+    ending = [each for each in found if not each.is_page and not each.ended]
+    if len(ending) < limit or not ending:
         return None
     ((greatest, _),) = Counter(each.session for each in ending).most_common(1)
     return next(each for each in ending if each.session == greatest)
@@ -127,13 +127,17 @@ async def _begin(
             await loop.connect_accepted_socket(protocol, line)
         else:
             await loop.connect_accepted_socket(
-                protocol, line, ssl=tls, ssl_handshake_timeout=PATIENCE, ssl_shutdown_timeout=_FAREWELL
+                protocol,
+                line,
+                ssl=tls,
+                ssl_handshake_timeout=ADMISSION_TIMEOUT,
+                ssl_shutdown_timeout=_TLS_CLOSE_TIME,
             )
     except OSError:  # includes ssl.SSLError: no handshake, or none in time
         line.close()
 
 
-def _give_up(connection: Connection) -> None:
+def _close_if_not_admitted(connection: Connection) -> None:
     """Close a connection that the gate has not admitted: its client is unknown, or has sent no request."""
     if connection.session is None and connection.is_open:
         connection.end()

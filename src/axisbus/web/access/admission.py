@@ -71,23 +71,23 @@ class Entered:
     cookie: str
 
 
-Verdict = PageSession | Entered | AccessRefused
+AdmissionDecision = PageSession | Entered | AccessRefused
 
 
 def decide(
     arrival: AdmissionRequest,
-    door: ServedOrigin,
+    served_origin: ServedOrigin,
     keys: PageSessions,
     sockets: Mapping[int, int],
-    most_bytes: int,
-) -> Verdict:
+    max_bytes: int,
+) -> AdmissionDecision:
     """Return the session of a request, the cookie for a request with a link, or why it is refused.
 
-    ``sockets`` are the open ones, by the number of the session; a request may have ``most_bytes``. A link is used up by this. A
+    ``sockets`` are the open ones, by the number of the session; a request may have ``max_bytes``. A link is used up by this. A
     request for ``STOP`` is refused only without a cookie or with a wrong host or origin, never because of a limit, an expired
     session, or a session of another origin.
     """
-    refused = _of_host(arrival, door) or _of_origin(arrival, door)
+    refused = _of_host(arrival, served_origin) or _of_origin(arrival, served_origin)
     if refused is not None:
         return refused
     if arrival.path == ENTER:
@@ -97,43 +97,44 @@ def decide(
         return AccessRefused(_FORBIDDEN, _NEEDS_LINK)
     if arrival.path != STOP and not keys.holds_for(session, arrival.origin):
         return AccessRefused(_FORBIDDEN, _FROM_ELSEWHERE)
-    holds = keys.renew(session, open_page=bool(sockets.get(session.number)))
-    if arrival.path != STOP and not holds:
+    is_valid = keys.renew(session, open_page=bool(sockets.get(session.number)))
+    if arrival.path != STOP and not is_valid:
         return AccessRefused(_FORBIDDEN, _LATE)
-    if arrival.socket and (crowded := _crowded(sockets, session)) is not None:
-        return crowded
-    if arrival.length > most_bytes and arrival.path != STOP:
-        return AccessRefused(_TOO_LARGE, f"A request may have at most {counted(most_bytes, 'byte')}.")
+    if arrival.socket and (too_many := _too_many_sockets(sockets, session)) is not None:
+        return too_many
+    if arrival.length > max_bytes and arrival.path != STOP:
+        return AccessRefused(_TOO_LARGE, f"A request may have at most {counted(max_bytes, 'byte')}.")
     return session
 
 
-def _crowded(sockets: Mapping[int, int], session: PageSession) -> AccessRefused | None:
+def _too_many_sockets(sockets: Mapping[int, int], session: PageSession) -> AccessRefused | None:
     """Refuse a socket beyond the limit of a browser, and beyond its guaranteed number if all browsers together have too many."""
-    own, all_of_them = sockets.get(session.number, 0), sum(sockets.values())
-    if own < SOCKETS_ALWAYS or (own < SOCKETS_OF_BROWSER and all_of_them < SOCKETS):
+    of_browser, of_all = sockets.get(session.number, 0), sum(sockets.values())
+    if of_browser < SOCKETS_ALWAYS or (of_browser < SOCKETS_OF_BROWSER and of_all < SOCKETS):
         return None
     return AccessRefused(
         _TOO_MANY,
-        f"This browser already has {counted(own, 'socket')} open, all browsers together {all_of_them}."
+        f"This browser already has {counted(of_browser, 'socket')} open, all browsers together {of_all}."
         " Close a page that is not needed.",
     )
 
 
-def _of_host(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused | None:
+def _of_host(arrival: AdmissionRequest, served_origin: ServedOrigin) -> AccessRefused | None:
     """Refuse a foreign host name that was made to resolve to this server (DNS rebinding)."""
-    if len(arrival.hosts) == 1 and arrival.hosts[0].lower() in door.hosts:
+    if len(arrival.hosts) == 1 and arrival.hosts[0].lower() in served_origin.hosts:
         return None
     named = ", ".join(arrival.hosts) or "no host"
     return AccessRefused(
-        _WRONG_HOST, f"The page is not served for {named[:80]}. It is for {', '.join(sorted(door.hosts))}."
+        _WRONG_HOST,
+        f"The page is not served for {named[:80]}. It is for {', '.join(sorted(served_origin.hosts))}.",
     )
 
 
-def _of_origin(arrival: AdmissionRequest, door: ServedOrigin) -> AccessRefused | None:
+def _of_origin(arrival: AdmissionRequest, served_origin: ServedOrigin) -> AccessRefused | None:
     """Refuse a foreign origin; only requests that merely read may have none."""
     if not arrival.origins and arrival.method in _READS and not arrival.socket:
         return None
-    if len(arrival.origins) == 1 and arrival.origins[0].lower() in door.origins:
+    if len(arrival.origins) == 1 and arrival.origins[0].lower() in served_origin.origins:
         return None
     return AccessRefused(
         _FORBIDDEN, "This request comes from a page of another server, or does not name its page."

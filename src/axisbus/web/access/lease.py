@@ -8,11 +8,11 @@ from axisbus.web.access.tokens import Role
 
 
 @dataclass(frozen=True, slots=True)
-class Seat:
-    """An open page: ``number`` counts the pages from 1, ``who`` names it for people."""
+class PageIdentity:
+    """An open page: ``number`` counts the pages from 1, ``page_name`` names it for people."""
 
     number: int
-    who: str
+    page_name: str
     role: Role
 
 
@@ -28,23 +28,25 @@ class Refusal:
 class PageLease:
     """The controls of the page; ``holder`` is None while no page has them."""
 
-    holder: Seat | None = None
+    holder: PageIdentity | None = None
 
-    def held_by(self, seat: Seat) -> bool:
+    def held_by(self, identity: PageIdentity) -> bool:
         """Return whether this page has the controls."""
-        return self.holder is not None and self.holder.number == seat.number
+        return self.holder is not None and self.holder.number == identity.number
 
-    def taken(self, seat: Seat, *, over: bool) -> PageLease | Refusal:
-        """Return the lease of ``seat``; ``over``: take the controls from the page that has them, by an explicit request."""
-        if seat.role is not Role.OPERATOR:
+    def granted_to(self, identity: PageIdentity, *, over: bool) -> PageLease | Refusal:
+        """Return the lease of ``identity``; ``over``: take the controls from the page that has them, by an explicit request."""
+        if identity.role is not Role.OPERATOR:
             return Refusal(
                 "this is an observer page: it cannot take the controls",
                 "ask an operator for a link; halt and stop are permitted",
             )
-        if self.holder is not None and not self.held_by(seat) and not over:
-            return Refusal(f"{self.holder.who} has the controls", "take them over, and inform that user")
-        return PageLease(seat)
+        if self.holder is not None and not self.held_by(identity) and not over:
+            return Refusal(
+                f"{self.holder.page_name} has the controls", "take them over, and inform that user"
+            )
+        return PageLease(identity)
 
-    def without(self, seat: Seat) -> PageLease:
-        """Return the lease after ``seat`` has released the controls, or was closed."""
-        return PageLease() if self.held_by(seat) else self
+    def after_release_by(self, identity: PageIdentity) -> PageLease:
+        """Return the lease after ``identity`` has released the controls, or was closed."""
+        return PageLease() if self.held_by(identity) else self

@@ -9,9 +9,9 @@ MESSAGE = 4096  # bytes of a message to this server
 FOREIGN_MESSAGE = 65_536  # bytes of a message or a request to the page's library
 FILE = 2 * 1024 * 1024  # bytes of a DCF
 SAMPLES = 7 * 1024 * 1024  # bytes of the samples that a scope shows
-BRING_FILE, SAVE_SAMPLES = "/config/file", "/scope/mcap"
+UPLOAD_FILE, SAVE_SAMPLES = "/config/file", "/scope/mcap"
 LONGER = {
-    BRING_FILE: FILE,
+    UPLOAD_FILE: FILE,
     SAVE_SAMPLES: SAMPLES,
 }  # bytes by path, for requests that may be larger
 SOCKETS = 64  # of all browsers together: two for each open page, and one for its scope
@@ -24,7 +24,7 @@ PAGES, PAGES_AT_ONCE = (
 CONNECTIONS = 128  # without the sockets of pages
 
 
-def most_bytes(path: str) -> int:
+def max_bytes(path: str) -> int:
     """Return how many bytes a request for this path may have."""
     return LONGER.get(path, FOREIGN_MESSAGE)
 

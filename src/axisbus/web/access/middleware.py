@@ -11,7 +11,7 @@ from urllib.parse import parse_qs
 
 from axisbus.ipc.rate import Bucket
 from axisbus.web.access.admission import AccessRefused, AdmissionRequest, Entered, ServedOrigin, decide
-from axisbus.web.access.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, most_bytes
+from axisbus.web.access.limits import FOREIGN_MESSAGE, PAGES, PAGES_AT_ONCE, max_bytes
 from axisbus.web.access.tokens import NOWHERE, PageSession, PageSessions, origin_of
 
 Message = MutableMapping[str, Any]
@@ -24,7 +24,7 @@ Application = Callable[[Scope, Receive, Send], Awaitable[None]]
 SESSION = "axisbus.session"  # the key of the browser's session in a scope
 _POLICY_VIOLATED, _TOO_BIG = 1008, 1009
 PAGE = "/"
-OWN_SOCKET = "/live"  # limits its rate itself, so that no stop is counted
+PAGE_VALUES_SOCKET = "/live"  # limits its rate itself, so that no stop is counted
 _TOO_OFTEN = AccessRefused(
     429, "This browser loads the page too often. Wait a few seconds, and load it again."
 )
@@ -32,10 +32,10 @@ _CLOSE = (b"connection", b"close")
 _BODY = "<!doctype html><meta charset=utf-8><title>axisbus</title><p style='font:16px sans-serif;margin:3em'>{}</p>"
 
 
-class LetIn(Protocol):
+class OnAdmission(Protocol):
     """A function that the gate calls with each admitted connection, and the number of its session."""
 
-    def __call__(self, peer: tuple[str, int] | None, session: int, *, kept: bool) -> None:
+    def __call__(self, peer: tuple[str, int] | None, session: int, *, is_page: bool) -> None:
         """Note the admission."""
 
 
@@ -45,17 +45,17 @@ class AccessMiddleware:
     def __init__(
         self,
         inner: Application,
-        door: ServedOrigin,
+        served_origin: ServedOrigin,
         keys: PageSessions,
         cookie: str,
-        let_in: LetIn | None = None,
+        note_admission: OnAdmission | None = None,
     ) -> None:
         """``cookie`` is the name of the session's cookie."""
         self._inner = inner
-        self._door = door
+        self._served_origin = served_origin
         self._keys = keys
         self._cookie = cookie
-        self._let_in = let_in
+        self._note_admission = note_admission
         self._sockets: Counter[int] = Counter()
         self._loads: dict[int, Bucket] = {}
 
@@ -65,32 +65,32 @@ class AccessMiddleware:
             await self._inner(scope, receive, send)
             return
         arrival = arrival_of(scope, self._cookie)
-        verdict = decide(arrival, self._door, self._keys, self._sockets, most_bytes(scope["path"]))
-        if isinstance(verdict, PageSession) and scope["path"] == PAGE and not self._may_load(verdict):
-            verdict = _TOO_OFTEN
-        self._tell_of(scope, verdict)
-        if isinstance(verdict, AccessRefused):
-            await _refuse(scope, send, verdict)
-        elif isinstance(verdict, Entered):
-            await self._welcome(send, verdict)
+        decision = decide(arrival, self._served_origin, self._keys, self._sockets, max_bytes(scope["path"]))
+        if isinstance(decision, PageSession) and scope["path"] == PAGE and not self._may_load(decision):
+            decision = _TOO_OFTEN
+        self._report_admission(scope, decision)
+        if isinstance(decision, AccessRefused):
+            await _refuse(scope, send, decision)
+        elif isinstance(decision, Entered):
+            await self._send_cookie(send, decision)
         elif scope["type"] == "websocket":
-            await self._socket(scope, receive, send, verdict)
+            await self._socket(scope, receive, send, decision)
         else:
-            scope[SESSION] = verdict
-            await self._inner(scope, _bounded(receive, most_bytes(scope["path"])), _with_headers(send))
+            scope[SESSION] = decision
+            await self._inner(scope, _bounded(receive, max_bytes(scope["path"])), _with_headers(send))
 
     def _may_load(self, session: PageSession) -> bool:
         bucket = self._loads.setdefault(session.number, Bucket(PAGES, PAGES_AT_ONCE))
         return bucket.take(time.monotonic())
 
-    def _tell_of(self, scope: Scope, verdict: PageSession | Entered | AccessRefused) -> None:
-        session = self._keys.session(verdict.cookie) if isinstance(verdict, Entered) else verdict
-        if self._let_in is not None and isinstance(session, PageSession):
-            self._let_in(scope.get("client"), session.number, kept=scope["type"] == "websocket")
+    def _report_admission(self, scope: Scope, decision: PageSession | Entered | AccessRefused) -> None:
+        session = self._keys.session(decision.cookie) if isinstance(decision, Entered) else decision
+        if self._note_admission is not None and isinstance(session, PageSession):
+            self._note_admission(scope.get("client"), session.number, is_page=scope["type"] == "websocket")
 
-    async def _welcome(self, send: Send, entered: Entered) -> None:
+    async def _send_cookie(self, send: Send, entered: Entered) -> None:
         """Send the cookie, and let the page reload itself: a strict cookie is not sent with a request that another site started."""
-        secure = "; Secure" if self._door.scheme == "https" else ""
+        secure = "; Secure" if self._served_origin.scheme == "https" else ""
         cookie = f"{self._cookie}={entered.cookie}; HttpOnly; SameSite=Strict; Path=/{secure}"
         page = "<!doctype html><meta charset=utf-8><title>axisbus</title><meta http-equiv=refresh content='0;url=/'>"
         await _answer(send, 200, page, [(b"set-cookie", cookie.encode())])
@@ -99,7 +99,7 @@ class AccessMiddleware:
         scope[SESSION] = session
         self._sockets[session.number] += 1
         try:
-            watched = receive if scope["path"] == OWN_SOCKET else _watched(receive, send, Bucket())
+            watched = receive if scope["path"] == PAGE_VALUES_SOCKET else _watched(receive, send, Bucket())
             await self._inner(scope, watched, send)
         finally:
             self._sockets[session.number] -= 1
@@ -155,14 +155,14 @@ def _with_headers(send: Send) -> Send:
     return sent
 
 
-def _bounded(receive: Receive, left: int) -> Receive:
+def _bounded(receive: Receive, remaining_bytes: int) -> Receive:
     """Return a ``receive`` that disconnects when a body without a length becomes too long."""
 
     async def received() -> Message:
-        nonlocal left
+        nonlocal remaining_bytes
         message = await receive()
-        left -= len(message.get("body", b""))
-        return {"type": "http.disconnect"} if left < 0 else message
+        remaining_bytes -= len(message.get("body", b""))
+        return {"type": "http.disconnect"} if remaining_bytes < 0 else message
 
     return received
 
@@ -216,5 +216,5 @@ HEADERS = {
 
 def secured(headers: list[tuple[bytes, bytes]]) -> list[tuple[bytes, bytes]]:
     """Return the headers of a response with the security headers, which replace any of the same name."""
-    kept = [(name, value) for name, value in headers if name.decode("latin-1").lower() not in HEADERS]
-    return [*kept, *((name.encode(), value.encode()) for name, value in HEADERS.items())]
+    unchanged = [(name, value) for name, value in headers if name.decode("latin-1").lower() not in HEADERS]
+    return [*unchanged, *((name.encode(), value.encode()) for name, value in HEADERS.items())]

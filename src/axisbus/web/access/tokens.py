@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 _BYTES = 32
-_MOST = 64  # the most unused links, and the most sessions
+_MAX_TOKENS = 64  # the most unused links, and the most sessions
 LINK_LIVES = 3600.0  # seconds for which an unused link is valid
 SESSION_LIVES = (
     12 * 3600.0
@@ -36,9 +36,9 @@ _SOCK_DIAG, _BY_FAMILY, _REQUEST = (
 _HEADER = struct.Struct("=IHHII")  # length, type, flags, sequence, port
 _QUESTION = struct.Struct("=BBBxI")  # family, protocol, extensions, states
 _ENDS = struct.Struct("!HH16s16s")  # ports and addresses: of the client's end, and of the server's end
-_REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)  # any interface, and no cookie of the kernel
+_ANY_INTERFACE = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)  # any interface, and no cookie of the kernel
 _FACTS = struct.Struct("=IIIII")  # after four octets and the ends: expires, queues, the user, the file
-_BEFORE = _HEADER.size + 4 + _ENDS.size + len(_REST)
+_FACTS_OFFSET = _HEADER.size + 4 + _ENDS.size + len(_ANY_INTERFACE)
 _ANY_STATE = 0xFFFFFFFF
 _LONGEST = 4096
 _FAMILIES = {4: socket.AF_INET, 6: socket.AF_INET6}
@@ -66,18 +66,27 @@ def origin_of(client: tuple[str, int] | None, server: tuple[str, int | None] | N
 
 def _user_of(client: tuple[str, int], server: tuple[str, int]) -> int | None:
     try:
-        own, far = ipaddress.ip_address(client[0]), ipaddress.ip_address(server[0])
-        ends = _ENDS.pack(client[1], server[1], own.packed.ljust(16, b"\0"), far.packed.ljust(16, b"\0"))
-        text = _QUESTION.pack(_FAMILIES[own.version], socket.IPPROTO_TCP, 0, _ANY_STATE) + ends + _REST
+        client_address, server_address = ipaddress.ip_address(client[0]), ipaddress.ip_address(server[0])
+        ends = _ENDS.pack(
+            client[1],
+            server[1],
+            client_address.packed.ljust(16, b"\0"),
+            server_address.packed.ljust(16, b"\0"),
+        )
+        text = (
+            _QUESTION.pack(_FAMILIES[client_address.version], socket.IPPROTO_TCP, 0, _ANY_STATE)
+            + ends
+            + _ANY_INTERFACE
+        )
         with socket.socket(socket.AF_NETLINK, socket.SOCK_DGRAM, _SOCK_DIAG) as line:
             line.setblocking(False)
             line.send(_HEADER.pack(_HEADER.size + len(text), _BY_FAMILY, _REQUEST, 1, 0) + text)
             answer = line.recv(_LONGEST)
     except (AttributeError, OSError, ValueError, struct.error):  # no Linux, or no permission
         return None
-    if _HEADER.unpack_from(answer)[1] != _BY_FAMILY or len(answer) < _BEFORE + _FACTS.size:
+    if _HEADER.unpack_from(answer)[1] != _BY_FAMILY or len(answer) < _FACTS_OFFSET + _FACTS.size:
         return None  # there is no such connection on this computer
-    return int(_FACTS.unpack_from(answer, _BEFORE)[3])
+    return int(_FACTS.unpack_from(answer, _FACTS_OFFSET)[3])
 
 
 # -- The tokens and their roles ----------------------------------------------------------------------------------------
@@ -87,7 +96,7 @@ class Role(Enum):
     """The permissions of a browser; both roles may halt and stop."""
 
     OPERATOR = "operator"
-    LOOKER = "looker"
+    OBSERVER = "looker"
 
 
 @dataclass(frozen=True, slots=True)
@@ -121,34 +130,34 @@ class PageSessions:
         self._used: set[str] = set()
         self._sessions: dict[str, PageSession] = {}
         self._origins: dict[int, Origin] = {}
-        self._seen: dict[int, float] = {}
+        self._last_seen: dict[int, float] = {}
         self._count = 0
 
     def issue(self, role: Role) -> str:
         """Return the token of a new link; if there are more than 64 unused links, the oldest one is dropped."""
         token = self._make()
         self._links[_digest(token)] = role, self._clock()
-        while len(self._links) > _MOST:
+        while len(self._links) > _MAX_TOKENS:
             del self._links[next(iter(self._links))]
         return token
 
     def enter(self, token: str, origin: Origin = NOWHERE) -> str | LinkRefusal:
         """Use up a token; return the cookie of a new session, valid for ``origin``, or the reason of the refusal."""
         digest = _digest(token)
-        role, made = self._links.pop(digest, (None, 0.0))
+        role, made_at = self._links.pop(digest, (None, 0.0))
         if role is None:
             return LinkRefusal.USED if digest in self._used else LinkRefusal.UNKNOWN
-        if self._clock() - made > LINK_LIVES:
+        if self._clock() - made_at > LINK_LIVES:
             return LinkRefusal.LATE
         self._used.add(digest)
         cookie = self._make()
         self._count += 1
         self._sessions[_digest(cookie)] = PageSession(self._count, role)
         self._origins[self._count] = origin
-        self._seen[self._count] = self._clock()
-        while len(self._sessions) > _MOST:
-            over = self._sessions.pop(next(iter(self._sessions)))
-            del self._origins[over.number], self._seen[over.number]
+        self._last_seen[self._count] = self._clock()
+        while len(self._sessions) > _MAX_TOKENS:
+            oldest = self._sessions.pop(next(iter(self._sessions)))
+            del self._origins[oldest.number], self._last_seen[oldest.number]
         return cookie
 
     def session(self, cookie: str) -> PageSession | None:
@@ -157,10 +166,10 @@ class PageSessions:
 
     def renew(self, session: PageSession, *, open_page: bool = False) -> bool:
         """Return whether a session is valid, and extend it by 12 h if so; with an ``open_page`` it does not expire."""
-        seen, now = self._seen.get(session.number), self._clock()
-        if seen is None or (now - seen > SESSION_LIVES and not open_page):
+        last_seen, now = self._last_seen.get(session.number), self._clock()
+        if last_seen is None or (now - last_seen > SESSION_LIVES and not open_page):
             return False
-        self._seen[session.number] = now
+        self._last_seen[session.number] = now
         return True
 
     def holds_for(self, session: PageSession, origin: Origin) -> bool:

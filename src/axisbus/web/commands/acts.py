@@ -63,26 +63,26 @@ _STOPS = {
 }
 
 
-def perform(machine: Machine, act: PageAction) -> list[Handle]:
+def perform(machine: Machine, action: PageAction) -> list[Handle]:
     """Give the commands of an action that is no stop, as ``stop``."""
-    call = _CALLS[act.verb]
-    return _each(act, lambda name: call(machine[name], act.values))
+    call = _CALLS[action.verb]
+    return _each(action, lambda name: call(machine[name], action.values))
 
 
-def stop(stops: MergedStops, act: PageAction) -> list[Handle]:
+def stop(stops: MergedStops, action: PageAction) -> list[Handle]:
     """Give the stops of an action; if one is refused at the call, the others are given nevertheless.
 
     Raises:
         AxisbusError: as the calls of the library (several: the first of them).
     """
-    return _each(act, lambda name: stops.give(name, _STOPS[act.verb]))
+    return _each(action, lambda name: stops.send(name, _STOPS[action.verb]))
 
 
-def _each(act: PageAction, give: Callable[[str], Handle]) -> list[Handle]:
+def _each(action: PageAction, send: Callable[[str], Handle]) -> list[Handle]:
     handles, errors = list[Handle](), list[Exception]()
-    for name in act.axes:
+    for name in action.axes:
         try:
-            handles.append(give(name))
+            handles.append(send(name))
         except Exception as error:  # noqa: BLE001  # the other axes have to be stopped in any case
             errors.append(error)
     if errors:
@@ -106,32 +106,34 @@ def _take_command(machine: Machine, handle: Handle) -> None:
         handle._finish(Status.DONE)
 
 
-def direction_of(act: PageAction) -> float:
+def direction_of(action: PageAction) -> float:
     """Return the direction of a jog, 1 or -1.
 
     Raises:
         ArgumentError: the direction is 0 or not a number.
     """
-    direction = act.values["direction"]
+    direction = action.values["direction"]
     if not abs(direction) > 0:
         raise ArgumentError(
-            f"{act.axes[0]}.jog(): the direction is not valid", remedy="give a direction of 1 or -1"
+            f"{action.axes[0]}.jog(): the direction is not valid", remedy="give a direction of 1 or -1"
         )
     return math.copysign(1.0, direction)
 
 
-def jog(machine: Machine, act: PageAction, *, renews: bool) -> Handle:
+def jog(machine: Machine, action: PageAction, *, renews: bool) -> Handle:
     """Jog an axis for 0.2 s, at the velocity of the page or the default of the cell file; ``renews`` as of ``Axis.jog``.
 
     Raises:
         ArgumentError: neither velocity is known, or as ``Axis.jog``.
     """
-    name = act.axes[0]
-    speed = act.values.get("velocity", machine.cell.axes[name].defaults.velocity)
+    name = action.axes[0]
+    speed = action.values.get("velocity", machine.cell.axes[name].defaults.velocity)
     if speed is None:
         raise ArgumentError(
             f"{name}.jog(): no velocity is given",
             remedy=f"give a velocity, or velocity in [axes.{name}.defaults] of the cell file",
         )
-    acceleration = act.values.get("acceleration")
-    return machine[name].jog(direction_of(act) * abs(speed), acceleration=acceleration, continue_only=renews)
+    acceleration = action.values.get("acceleration")
+    return machine[name].jog(
+        direction_of(action) * abs(speed), acceleration=acceleration, continue_only=renews
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 
-from axisbus.web.access.lease import PageLease, Refusal, Seat
+from axisbus.web.access.lease import PageIdentity, PageLease, Refusal
 from axisbus.web.access.tokens import Role
 from axisbus.web.commands.request import PageRequest
 from axisbus.web.commands.verbs import VERBS, PageVerb, VerbRequirements
@@ -20,12 +20,14 @@ class PageAction:
     values: Mapping[str, float] = field(default_factory=dict)
 
 
-def decide(seat: Seat, lease: PageLease, request: PageRequest, axes: Collection[str]) -> PageAction | Refusal:
+def decide(
+    identity: PageIdentity, lease: PageLease, request: PageRequest, axes: Collection[str]
+) -> PageAction | Refusal:
     """Return the action to carry out, or why it is refused. Every page may halt and stop, even without the controls."""
     row = VERBS[request.verb]
     if row.axis and request.axis not in axes:
         return Refusal(f"there is no axis {request.axis!r}", f"there are {', '.join(axes) or 'none'}")
-    refused = _of_who(seat, lease, row) or _of_what(request, row)
+    refused = _of_page(identity, lease, row) or _of_what(request, row)
     if refused is not None:
         return refused
     values = _numbers(request, row)
@@ -36,30 +38,32 @@ def decide(seat: Seat, lease: PageLease, request: PageRequest, axes: Collection[
     return PageAction(request.verb, (request.axis,) if row.axis else (), values)
 
 
-def _of_who(seat: Seat, lease: PageLease, row: VerbRequirements) -> Refusal | None:
-    if not row.controls or lease.held_by(seat):
+def _of_page(identity: PageIdentity, lease: PageLease, row: VerbRequirements) -> Refusal | None:
+    if not row.controls or lease.held_by(identity):
         return None
-    if seat.role is not Role.OPERATOR:
+    if identity.role is not Role.OPERATOR:
         return Refusal(
             "this is an observer page: it may only halt, stop, and read objects",
             "ask an operator for a link",
         )
     if lease.holder is None:
         return Refusal("no page has the controls", "take them first (Take the controls)")
-    return Refusal(f"{lease.holder.who} has the controls", "take them over (Take over), and inform that user")
+    return Refusal(
+        f"{lease.holder.page_name} has the controls", "take them over (Take over), and inform that user"
+    )
 
 
 def _of_what(request: PageRequest, row: VerbRequirements) -> Refusal | None:
     if row.sure and not request.sure:
-        asked = f"{request.axis}.{request.verb.value}" if row.axis else request.verb.value
-        return Refusal(f"{asked}(): it has not been confirmed", "answer the page's question")
+        command_text = f"{request.axis}.{request.verb.value}" if row.axis else request.verb.value
+        return Refusal(f"{command_text}(): it has not been confirmed", "answer the page's question")
     return None
 
 
 def _numbers(request: PageRequest, row: VerbRequirements) -> dict[str, float] | Refusal:
     """Return the numbers that the verb takes; an omitted number takes the default of the cell file, if there is one."""
     found: dict[str, float] = {}
-    for name in (*row.needs, *row.takes):
+    for name in (*row.needs, *row.optional):
         text = request.values.get(name, "").strip().replace(",", ".")
         if not text and name in row.needs:
             return Refusal(

@@ -12,7 +12,7 @@ from axisbus.ipc.rate import Bucket
 from axisbus.machine.handle import Handle, mark_end_as_read
 from axisbus.machine.machine import Machine
 from axisbus.motion.states import AxisState
-from axisbus.web.access.lease import PageLease, Refusal, Seat
+from axisbus.web.access.lease import PageIdentity, PageLease, Refusal
 from axisbus.web.access.tokens import PageSession, Role
 from axisbus.web.commands.acts import direction_of, jog, perform, stop, take_command
 from axisbus.web.commands.authorize import PageAction, decide
@@ -27,13 +27,13 @@ from axisbus.web.tuning import trials
 from axisbus.web.tuning.trials import Trials
 from axisbus.web.view import in_page_terms
 
-_TOO_MANY = Refusal(
+_TOO_MANY_MESSAGES = Refusal(
     "this page sends too many messages", "halt and stop are still accepted; wait a moment for everything else"
 )
-_ONLY_LOOKS = Refusal(
+_OBSERVES_ONLY = Refusal(
     "the server serves observer pages only: it cannot take control", "start axisbus web without --look"
 )
-_AGAIN = 2.0  # seconds after which the same message is sent again
+_REPEAT_TIME = 2.0  # seconds after which the same message is sent again
 _MOST_RUNNING = 64  # the most running commands of a page whose ends are reported
 
 
@@ -50,30 +50,30 @@ class PageMessage:
 class PageClient:
     """An open page; holds state: its jog, the rest of its message rate, and the messages to send to it."""
 
-    seat: Seat
+    identity: PageIdentity
     bucket: Bucket = field(default_factory=Bucket)
     deadman: DeadMan = field(default_factory=DeadMan)
     running: list[Handle] = field(default_factory=list)
     jogs: list[Handle] = field(default_factory=list)
-    told: list[PageMessage] = field(default_factory=list)
+    messages: list[PageMessage] = field(default_factory=list)
     last: tuple[str, float] = ("", 0.0)
     session: int = 0  # the session of its browser
     verified: VerifyProgress | None = None  # the last progress of a verification sent to it
     configured: config.ConfigProgress | None = None  # the last progress of a configuration job sent to it
-    heard: float | None = None  # when it sent its last received message, in seconds of its clock
+    last_sent: float | None = None  # when it sent its last received message, in seconds of its clock
     seen: float | None = None  # when the server sent the values shown then, in seconds of the server's clock
     moving: bool = False  # whether the axis that it jogs has been seen to move
 
-    def tell(self, told: PageMessage, now: float) -> None:
+    def queue_message(self, message: PageMessage, now: float) -> None:
         """Queue a message, unless the same one was queued within the last 2 s."""
-        if self.last[0] == told.text and now - self.last[1] < _AGAIN:
+        if self.last[0] == message.text and now - self.last[1] < _REPEAT_TIME:
             return
-        self.last = (told.text, now)
-        self.told.append(told)
+        self.last = (message.text, now)
+        self.messages.append(message)
 
     def refuse(self, refused: Refusal, now: float) -> None:
         """Queue the message that a request is refused."""
-        self.tell(PageMessage("refused", refused.text, refused.remedy), now)
+        self.queue_message(PageMessage("refused", refused.text, refused.remedy), now)
 
 
 class PageClients:
@@ -96,39 +96,39 @@ class PageClients:
         """Register a page that has been opened, and return its client."""
         self._count += 1
         client = PageClient(
-            Seat(self._count, f"page {self._count} at {peer}", session.role), session=session.number
+            PageIdentity(self._count, f"page {self._count} at {peer}", session.role), session=session.number
         )
-        self.clients[client.seat.number] = client
+        self.clients[client.identity.number] = client
         return client
 
-    def leave(self, client: PageClient) -> None:
+    def remove(self, client: PageClient) -> None:
         """Remove a closed page: halt its jog or trial, and free the controls. Harmless when repeated."""
-        self.clients.pop(client.seat.number, None)
-        self.lease = self.lease.without(client.seat)
-        self.objects.leave(client.seat.number)
+        self.clients.pop(client.identity.number, None)
+        self.lease = self.lease.after_release_by(client.identity)
+        self.objects.remove_page(client.identity.number)
         self._end_jog(client)
-        self.trials.leave(client.seat.number)
+        self.trials.remove_page(client.identity.number)
         for handle in (*client.running, *client.jogs):
             mark_end_as_read(handle)  # no page is left to report the end to
 
-    def hear(self, client: PageClient, text: str, now: float) -> None:
+    def receive(self, client: PageClient, text: str, now: float) -> None:
         """Process a message of a page. Beyond the page's message rate, only halts and stops are processed."""
-        within = client.bucket.take(now)
+        is_permitted = client.bucket.take(now)
         request = read(text)
-        if isinstance(request, PageRequest) and (within or request.verb in STOPS):
-            self._asked(client, request, now)
-        elif isinstance(request, Refusal) and within:
+        if isinstance(request, PageRequest) and (is_permitted or request.verb in STOPS):
+            self._process(client, request, now)
+        elif isinstance(request, Refusal) and is_permitted:
             client.refuse(request, now)
-        elif not within:
-            client.refuse(_TOO_MANY, now)
+        elif not is_permitted:
+            client.refuse(_TOO_MANY_MESSAGES, now)
 
-    def look(self, now: float) -> None:
+    def poll(self, now: float) -> None:
         """End jogs that are no longer held, and collect the ends of commands; to be called at least every 50 ms."""
         for client in list(self.clients.values()):
             if client.deadman.silent(now) or self._broken_off(client):
                 self._end_jog(client)
             self._gather(client, now)
-        self.trials.look(now)
+        self.trials.poll(now)
 
     def stop_all(self) -> None:
         """Quick-stop every axis, for a page whose socket does not work.
@@ -136,23 +136,23 @@ class PageClients:
         Raises:
             AxisbusError: as ``stop``.
         """
-        self.let_go()
+        self.end_jogs()
         for handle in stop(self._stops, PageAction(PageVerb.QUICK_STOP_ALL, tuple(self._machine.axes))):
             mark_end_as_read(handle)  # the axes show the result
 
-    def let_go(self, axes: Collection[str] | None = None) -> None:
+    def end_jogs(self, axes: Collection[str] | None = None) -> None:
         """End the jogs, and the trial, of these axes (None: all) after a stop; a jog needs a new press to start again."""
-        self.trials.give_way(axes, trials.STOPPED)
+        self.trials.end_stopped(axes, trials.STOPPED)
         for client in self.clients.values():
             if axes is None or client.deadman.axis in axes:
                 client.deadman = client.deadman.ended()
 
-    def _asked(self, client: PageClient, request: PageRequest, now: float) -> None:
+    def _process(self, client: PageClient, request: PageRequest, now: float) -> None:
         if request.verb not in STOPS:
-            client.deadman = client.deadman.told(request.sent, now)
-            client.heard, client.seen = request.sent, request.seen
+            client.deadman = client.deadman.updated(request.sent, now)
+            client.last_sent, client.seen = request.sent, request.seen
         decision = too_late(client.deadman, request, now) or decide(
-            client.seat, self.lease, request, tuple(self._machine.axes)
+            client.identity, self.lease, request, tuple(self._machine.axes)
         )
         if isinstance(decision, Refusal):
             self._end_jog(client)
@@ -162,10 +162,10 @@ class PageClients:
             self._do(client, decision, request, now)
         except AxisbusError as error:
             self._end_jog_for(client, error)
-            client.tell(_of_error("refused", error), now)
+            client.queue_message(_of_error("refused", error), now)
 
     def _do(self, client: PageClient, action: PageAction, request: PageRequest, now: float) -> None:
-        number = client.seat.number
+        number = client.identity.number
         if action.verb is PageVerb.JOG:
             self._jog(client, action, request, now)
         elif action.verb is PageVerb.JOG_END:
@@ -174,7 +174,7 @@ class PageClients:
             self._take(client, action.verb is PageVerb.TAKE_OVER, now)
         elif action.verb is PageVerb.GIVE_BACK:
             self._end_jog(client)
-            self.lease = self.lease.without(client.seat)
+            self.lease = self.lease.after_release_by(client.identity)
             self._without_controls(number, now)
         elif action.verb is PageVerb.LINK:
             self._give_link(client, now)
@@ -187,20 +187,22 @@ class PageClients:
         elif action.verb in (PageVerb.STEP_POSITION, PageVerb.STEP_VELOCITY):
             self.trials.request(number, action, request, client.deadman, now)
         elif action.verb is PageVerb.TRIAL_BEAT:
-            self.trials.beat(number, request, now)
+            self.trials.supervise(number, request, now)
         elif action.verb is PageVerb.TRIAL_END:
             self.trials.end(number, trials.ENDED)
         elif action.verb is not PageVerb.BEAT:
             self._perform(client, action)
 
     def _of_objects(self, client: PageClient, request: PageRequest, now: float) -> None:
-        refused = self.objects.do(client.seat.number, request, controls=self.lease.held_by(client.seat))
+        refused = self.objects.do(
+            client.identity.number, request, controls=self.lease.held_by(client.identity)
+        )
         if refused is not None:
             client.refuse(refused, now)
 
     def _perform(self, client: PageClient, action: PageAction) -> None:
         if action.verb in STOPS:
-            self.let_go(action.axes)
+            self.end_jogs(action.axes)
             client.running += [each for each in stop(self._stops, action) if each not in client.running]
         else:
             self.trials.end_of(action.axes, action.verb.value)
@@ -244,33 +246,35 @@ class PageClients:
         client.running.append(self._machine[axis].halt())
 
     def _take(self, client: PageClient, over: bool, now: float) -> None:
-        lease = self.lease.taken(client.seat, over=over)
+        lease = self.lease.granted_to(client.identity, over=over)
         if isinstance(lease, Refusal):
             client.refuse(lease, now)
             return
         before, self.lease = self.lease.holder, lease
         if (
             before is not None
-            and before != client.seat
+            and before != client.identity
             and (other := self.clients.get(before.number)) is not None
         ):
             self._end_jog(other)
-            self._without_controls(other.seat.number, now)
-            other.tell(PageMessage("note", f"{client.seat.who} has taken over the controls"), now)
+            self._without_controls(other.identity.number, now)
+            other.queue_message(
+                PageMessage("note", f"{client.identity.page_name} has taken over the controls"), now
+            )
 
     def _without_controls(self, number: int, now: float) -> None:
         self.objects.without_controls(number, now)
-        self.trials.end(number, trials.OVER)
+        self.trials.end(number, trials.CONTROLS_LOST)
 
     def _take_command(self, client: PageClient, now: float) -> None:
         if self.observes_only:
-            client.refuse(_ONLY_LOOKS, now)
+            client.refuse(_OBSERVES_ONLY, now)
         else:
             client.running.append(take_command(self._machine))
 
     def _give_link(self, client: PageClient, now: float) -> None:
-        if client.seat.role is Role.OPERATOR:
-            client.tell(PageMessage("link", self._link()), now)
+        if client.identity.role is Role.OPERATOR:
+            client.queue_message(PageMessage("link", self._link()), now)
         else:
             client.refuse(Refusal("this is an observer page: it makes no links", "ask an operator"), now)
 
@@ -284,9 +288,9 @@ class PageClients:
                 if handles is client.jogs:
                     self._end_jog_for(client, error)
                 if not isinstance(error, Interrupted):
-                    client.tell(_of_error("failed", error), now)
+                    client.queue_message(_of_error("failed", error), now)
                 elif handles is client.running:
-                    client.tell(_of_error("note", error), now)
+                    client.queue_message(_of_error("note", error), now)
 
 
 def _of_error(kind: str, error: AxisbusError) -> PageMessage:
@@ -303,9 +307,9 @@ def _of_error(kind: str, error: AxisbusError) -> PageMessage:
 # who sees old values, and whose input arrives late, must not move anything.
 
 
-_LATE = 1.0  # seconds by which a message may take longer than the promptest ones
+_MAX_DELAY = 1.0  # seconds by which a message may take longer than the promptest ones
 _OLD = 1.5  # seconds, the highest age of the values that a page showed when a request of it arrives
-_OLD_HELD = 0.6  # the same for a jog, which continues only while it is held
+_OLD_JOG = 0.6  # the same for a jog, which continues only while it is held
 AHEAD = 1.0  # seconds by which the values sent to a page may be newer than those it shows, so that they do not queue up
 
 
@@ -313,14 +317,14 @@ def too_late(deadman: DeadMan, request: PageRequest, now: float) -> Refusal | No
     """Return why a request is rejected as too old, None if it is not; ``now`` as of ``DeadMan``."""
     if not VERBS[request.verb].controls:
         return None
-    late = deadman.lateness(request.sent, now)
-    if late > _LATE:
+    delay = deadman.lateness(request.sent, now)
+    if delay > _MAX_DELAY:
         return Refusal(
-            f"{request.verb.value} came {late:.1f} s late, and was not executed",
+            f"{request.verb.value} came {delay:.1f} s late, and was not executed",
             "check the state of the axes, and try again",
         )
     old = 0.0 if request.seen is None else now - request.seen
-    if old > (_OLD_HELD if request.verb is PageVerb.JOG else _OLD):
+    if old > (_OLD_JOG if request.verb is PageVerb.JOG else _OLD):
         return Refusal(
             f"the connection is slow, {old:.1f} s there and back: {request.verb.value} was not executed",
             "use a faster connection, or command from the terminal",
@@ -328,6 +332,6 @@ def too_late(deadman: DeadMan, request: PageRequest, now: float) -> Refusal | No
     return None
 
 
-def is_ahead(told: float, seen: float | None) -> bool:
-    """Return whether a page lags too far: it shows the values sent at ``seen``, and the newest were sent at ``told``."""
-    return seen is not None and told - seen > AHEAD
+def is_ahead(sent: float, seen: float | None) -> bool:
+    """Return whether a page lags too far: it shows the values sent at ``seen``, and the newest were sent at ``sent``."""
+    return seen is not None and sent - seen > AHEAD

@@ -33,7 +33,7 @@ class NodeBoots:
         threading.Thread(target=self._run, args=(node, handle), name="axisbus-boot", daemon=True).start()
         return handle
 
-    def news(self) -> list[Values]:
+    def unread(self) -> list[Values]:
         """Return the boot-ups under way as plain values."""
         return [{"node": node, "step": step} for node, step in self._steps.copy().items()]
 

@@ -36,7 +36,7 @@ class ObjectRequests:
     """Hold the queue of transfers and the long jobs; used by one thread, and carried out by ``web.objects.worker``."""
 
     def __init__(self) -> None:
-        self.turns = TransferQueue()
+        self.queue = TransferQueue()
         self.verifying = Verifying()
         self.configuring = Configuring()
 
@@ -48,7 +48,7 @@ class ObjectRequests:
         if controls and (request.verb is PageVerb.VERIFY or request.verb in _JOBS):
             self.configuring.give_way(page)
         if request.verb is PageVerb.KEEP_READING:
-            self.turns.keep(page, request.objects)
+            self.queue.set_cyclic(page, request.objects)
         elif request.verb is PageVerb.VERIFY:
             return self.configuring.busy or self.verifying.begin(page, request.node)
         elif request.verb is PageVerb.VERIFY_END:
@@ -57,25 +57,25 @@ class ObjectRequests:
             return self.verifying.busy or self.configuring.begin(page, _JOBS[request.verb], request.node)
         elif request.verb is PageVerb.JOB_END:
             self.configuring.end(None if controls else page)
-        elif not self.turns.request(page, _jobs(page, request)):
+        elif not self.queue.request(page, _jobs(page, request)):
             return _FULL
         return None
 
     def without_controls(self, page: int, now: float) -> None:
         """Note that a page has lost the controls: drop its pending writes, and end its verification or restore."""
-        self.turns.drop_writes(page, now)
+        self.queue.drop_writes(page, now)
         self.configuring.end_writing(page)
         self.verifying.end(page)
 
-    def leave(self, page: int) -> None:
+    def remove_page(self, page: int) -> None:
         """Remove a closed page."""
-        self.turns.leave(page)
+        self.queue.remove_page(page)
         self.verifying.end(page)
-        self.configuring.leave(page)
+        self.configuring.remove_page(page)
 
-    def news(self, page: int, now: float) -> list[Values]:
+    def unread(self, page: int, now: float) -> list[Values]:
         """Return the results of a page's transfers and the objects that it keeps reading, as far as they are new."""
-        return [seen.told(now) for seen in self.turns.news(page)]
+        return [result.as_values(now) for result in self.queue.unread(page)]
 
     @property
     def verified(self) -> VerifyProgress | None:
@@ -89,7 +89,7 @@ class ObjectRequests:
 
 
 def _jobs(page: int, request: PageRequest) -> list[ObjectJob]:
-    wish = None
+    write_request = None
     if request.verb is PageVerb.WRITE_OBJECT:
-        wish = TransferRequest(request.text, frozenset(request.values.get("agreed", "").split()))
-    return [ObjectJob(each, page, wish) for each in request.objects]
+        write_request = TransferRequest(request.text, frozenset(request.values.get("agreed", "").split()))
+    return [ObjectJob(each, page, write_request) for each in request.objects]

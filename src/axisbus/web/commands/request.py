@@ -13,8 +13,10 @@ from axisbus.web.objects import transfer_queue
 from axisbus.web.objects.transfer_queue import ObjectKey
 
 _LONGEST_NAME, _LONGEST_NUMBER, _LONGEST_TEXT = 64, 200, 1024  # characters
-_MOST_VALUES = 8
-_STRANGE = Refusal("the server received a message that does not belong to this page", "load the page again")
+_MAX_VALUES = 8
+_NOT_OF_THIS_PAGE = Refusal(
+    "the server received a message that does not belong to this page", "load the page again"
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,30 +46,30 @@ def read(text: str) -> PageRequest | Refusal:
         return Refusal("a message was too long", f"at most {MESSAGE} characters are allowed")
     found = as_object(text)
     if found is None or (verb := _verb(found.get("do"))) is None:
-        return _STRANGE
+        return _NOT_OF_THIS_PAGE
     axis = found.get("axis", "")
     if not isinstance(axis, str) or len(axis) > _LONGEST_NAME:
-        return _STRANGE
-    return PageRequest(verb, axis) if verb in STOPS else _whole(verb, axis, found)
+        return _NOT_OF_THIS_PAGE
+    return PageRequest(verb, axis) if verb in STOPS else _complete(verb, axis, found)
 
 
 def _verb(name: object) -> PageVerb | None:
     return next((verb for verb in VERBS if verb.value == name), None)
 
 
-def _whole(verb: PageVerb, axis: str, found: dict[str, Any]) -> PageRequest | Refusal:
+def _complete(verb: PageVerb, axis: str, found: dict[str, Any]) -> PageRequest | Refusal:
     values, press, sent = found.get("values", {}), found.get("press", 0), found.get("sent", 0.0)
-    if not isinstance(values, dict) or len(values) > _MOST_VALUES or not all(map(_is_value, values.values())):
-        return _STRANGE
+    if not isinstance(values, dict) or len(values) > _MAX_VALUES or not all(map(_is_value, values.values())):
+        return _NOT_OF_THIS_PAGE
     seen = found.get("seen")
     if type(press) is not int or not _is_time(sent) or not (seen is None or _is_time(seen)):
-        return _STRANGE
+        return _NOT_OF_THIS_PAGE
     objects = _objects(found.get("objects", []), VERBS[verb].objects)
     node, text = found.get("node", 0), found.get("text", "")
     if objects is None or type(node) is not int or not 0 <= node < 128:
-        return _STRANGE
+        return _NOT_OF_THIS_PAGE
     if not isinstance(text, str) or len(text) > _LONGEST_TEXT:
-        return _STRANGE
+        return _NOT_OF_THIS_PAGE
     return PageRequest(
         verb, axis, values, found.get("sure") is True, press, float(sent), seen, objects, node, text
     )

@@ -55,13 +55,13 @@ class VerbRequirements:
     axis: bool = True
     sure: bool = False
     needs: tuple[str, ...] = ()
-    takes: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
     objects: range = range(1)
 
 
-KEPT = 8  # the most objects that a page may read cyclically
-ASKED = 32  # the most objects in one request
-_ANYBODY = VerbRequirements(controls=False)
+MAX_CYCLIC = 8  # the most objects that a page may read cyclically
+MAX_OBJECTS = 32  # the most objects in one request
+_ANY_PAGE = VerbRequirements(controls=False)
 _PAGE = VerbRequirements(controls=False, axis=False)
 _RAMPS = ("velocity", "acceleration")
 _STEP = (*_RAMPS, "seconds")
@@ -74,22 +74,22 @@ VERBS = {
     PageVerb.TAKE_COMMAND: VerbRequirements(axis=False, sure=True),
     PageVerb.QUICK_STOP_ALL: _PAGE,
     PageVerb.HALT_ALL: _PAGE,
-    PageVerb.QUICK_STOP: _ANYBODY,
-    PageVerb.HALT: _ANYBODY,
+    PageVerb.QUICK_STOP: _ANY_PAGE,
+    PageVerb.HALT: _ANY_PAGE,
     PageVerb.JOG_END: _PAGE,
     PageVerb.ENABLE: VerbRequirements(sure=True),
     PageVerb.DISABLE: VerbRequirements(),
     PageVerb.RESET: VerbRequirements(),
     PageVerb.RELEASE: VerbRequirements(),
     PageVerb.HOME: VerbRequirements(sure=True),
-    PageVerb.MOVE_ABSOLUTE: VerbRequirements(needs=("position",), takes=_RAMPS),
-    PageVerb.MOVE_RELATIVE: VerbRequirements(needs=("distance",), takes=_RAMPS),
-    PageVerb.MOVE_VELOCITY: VerbRequirements(needs=("velocity",), takes=("acceleration",)),
-    PageVerb.TORQUE_CONTROL: VerbRequirements(sure=True, needs=("torque",), takes=("slope",)),
-    PageVerb.JOG: VerbRequirements(needs=("direction",), takes=_RAMPS),
+    PageVerb.MOVE_ABSOLUTE: VerbRequirements(needs=("position",), optional=_RAMPS),
+    PageVerb.MOVE_RELATIVE: VerbRequirements(needs=("distance",), optional=_RAMPS),
+    PageVerb.MOVE_VELOCITY: VerbRequirements(needs=("velocity",), optional=("acceleration",)),
+    PageVerb.TORQUE_CONTROL: VerbRequirements(sure=True, needs=("torque",), optional=("slope",)),
+    PageVerb.JOG: VerbRequirements(needs=("direction",), optional=_RAMPS),
     PageVerb.BOOT: VerbRequirements(axis=False),
-    PageVerb.READ_OBJECTS: VerbRequirements(controls=False, axis=False, objects=range(1, ASKED + 1)),
-    PageVerb.KEEP_READING: VerbRequirements(controls=False, axis=False, objects=range(KEPT + 1)),
+    PageVerb.READ_OBJECTS: VerbRequirements(controls=False, axis=False, objects=range(1, MAX_OBJECTS + 1)),
+    PageVerb.KEEP_READING: VerbRequirements(controls=False, axis=False, objects=range(MAX_CYCLIC + 1)),
     PageVerb.WRITE_OBJECT: VerbRequirements(axis=False, objects=range(1, 2)),
     PageVerb.VERIFY: VerbRequirements(axis=False),
     PageVerb.VERIFY_END: VerbRequirements(axis=False),

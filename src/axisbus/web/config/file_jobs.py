@@ -22,7 +22,7 @@ from axisbus.web.config.files import Dcf
 from axisbus.web.config.report import ConfigJobKind, ConfigReport
 from axisbus.web.view import explained
 
-Tell = Callable[[int, int], None]
+OnProgress = Callable[[int, int], None]
 OBJECT, NAME = "Object", "Name"
 _YES, _NO = "yes", "no: the machine has set it, or uses it"
 _IN_RAM = "; the written values are lost at the next power-off, unless the drive stores them: axisbus save"
@@ -46,8 +46,8 @@ class JobNode(ByObjects, Protocol):
         """Return why the node is not restored completely."""
 
 
-def carry_out(kind: ConfigJobKind, node: JobNode, file: Dcf, tell: Tell) -> ConfigReport:
-    """Carry out a job that takes a file; blocks for one transfer per object. ``tell(done, all)`` is called after each transfer.
+def carry_out(kind: ConfigJobKind, node: JobNode, file: Dcf, on_progress: OnProgress) -> ConfigReport:
+    """Carry out a job that takes a file; blocks for one transfer per object. ``on_progress(done, all)`` is called after each.
 
     Raises:
         AxisbusError: any error of the library about the file or the node.
@@ -57,11 +57,11 @@ def carry_out(kind: ConfigJobKind, node: JobNode, file: Dcf, tell: Tell) -> Conf
         ConfigJobKind.WOULD_RESTORE: _would_restore,
         ConfigJobKind.RESTORE: _restore,
     }
-    return jobs[kind](node, file, tell)
+    return jobs[kind](node, file, on_progress)
 
 
-def _compare(node: JobNode, file: Dcf, tell: Tell) -> ConfigReport:
-    found = device_side.against(node, file.reading().eds, tell)
+def _compare(node: JobNode, file: Dcf, on_progress: OnProgress) -> ConfigReport:
+    found = device_side.against(node, file.reading().eds, on_progress)
     rows = tuple(
         (
             f"{each.variable.index:04X}h:{each.variable.subindex:02X}",
@@ -74,20 +74,20 @@ def _compare(node: JobNode, file: Dcf, tell: Tell) -> ConfigReport:
     return ConfigReport(report_text.compared(found), (), titles, rows)
 
 
-def _would_restore(node: JobNode, file: Dcf, tell: Tell) -> ConfigReport:
+def _would_restore(node: JobNode, file: Dcf, on_progress: OnProgress) -> ConfigReport:
     """Report the values that a restore would write, which of them this page would write, and how to restore the others."""
     chosen = _chosen(node, file)
-    restore = Restore(node.sdo, chosen.whole, lambda _, done, whole: tell(done, whole))
-    differing = restore.look()
+    restore = Restore(node.sdo, chosen.whole, lambda _, done, whole: on_progress(done, whole))
+    differing = restore.read_present()
     dcf_values.require_within_limits(differing, chosen.eds, node.node_id)
-    held = {each.item.key: each.before for each in restore.report().results}
-    here = {item.key for item in chosen.settings.items}
+    present = {each.item.key: each.before for each in restore.report().results}
+    restorable = {item.key for item in chosen.settings.items}
     rows = tuple(
         (
             *_object(each),
-            _shown(each, held[each.key]),
+            _shown(each, present[each.key]),
             _shown(each, each.data),
-            _YES if each.key in here else _NO,
+            _YES if each.key in restorable else _NO,
         )
         for each in differing
     )
@@ -96,23 +96,28 @@ def _would_restore(node: JobNode, file: Dcf, tell: Tell) -> ConfigReport:
         tuple(f"a restore would skip {line}" for line in report_text.skipped(chosen.whole.skipped)),
         (OBJECT, NAME, "Present value", "Value in the file", "Restored here"),
         rows,
-        _refusal(node, all_here=here.issuperset(each.key for each in differing)),
+        _refusal(node, all_restorable=restorable.issuperset(each.key for each in differing)),
         _command(node, file),
     )
 
 
-def _restore(node: JobNode, file: Dcf, tell: Tell) -> ConfigReport:
+def _restore(node: JobNode, file: Dcf, on_progress: OnProgress) -> ConfigReport:
     """Write a node's own settings from the file, and read them back; other objects are not changed."""
     chosen = _chosen(node, file)
     node.require_not_energised()
-    run = Restore(node.sdo, chosen.settings, lambda _, done, whole: tell(done, whole))
-    dcf_values.require_within_limits(run.look(), chosen.eds, node.node_id)
+    run = Restore(node.sdo, chosen.settings, lambda _, done, whole: on_progress(done, whole))
+    dcf_values.require_within_limits(run.read_present(), chosen.eds, node.node_id)
     try:
         found, broken = run.run(), {}
     except (BusError, StateError, Stopped) as error:  # report the written values in any case
         found, broken = run.report(), explained(error)
     rows = tuple(
-        (*_object(each.item), _shown(each.item, each.before), _shown(each.item, each.after), _came(each))
+        (
+            *_object(each.item),
+            _shown(each.item, each.before),
+            _shown(each.item, each.after),
+            _outcome_text(each),
+        )
         for each in found.results
         if each.outcome is not ValueEnd.SAME
     )
@@ -138,17 +143,17 @@ class _Chosen(NamedTuple):
 def _chosen(node: JobNode, file: Dcf) -> _Chosen:
     reading = file.reading()
     dcf_values.require_values(reading)
-    who = read_identity(node.sdo)
-    preconditions.require_same_device(reading.eds, who, node.node_id, replacement=False)
-    make = registry.of_identity(who)
+    identity = read_identity(node.sdo)
+    preconditions.require_same_device(reading.eds, identity, node.node_id, replacement=False)
+    make = registry.of_identity(identity)
     whole = dcf_values.select(reading.eds, node.node_id, make)
     return _Chosen(
         reading.eds, whole, settings(node.cell, node.node_id, reading.eds, make, node.cyclic, whole)
     )
 
 
-def _refusal(node: JobNode, *, all_here: bool) -> Mapping[str, str]:
-    if all_here:
+def _refusal(node: JobNode, *, all_restorable: bool) -> Mapping[str, str]:
+    if all_restorable:
         try:
             node.require_not_energised()
         except StateError:
@@ -166,7 +171,7 @@ def _shown(item: Item, data: bytes | None) -> str:
     return report_text.data_shown(item.variable, data)
 
 
-def _came(result: Result) -> str:
+def _outcome_text(result: Result) -> str:
     return f"{result.outcome.value}: {result.reason}" if result.reason else result.outcome.value
 
 

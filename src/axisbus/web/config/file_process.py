@@ -6,8 +6,8 @@ Theory of operation
 file, or carries out a job of ``file_jobs``. If the job needs something of the node, the process asks the server, which makes the
 transfer. So everything that depends on the size of the file is computed in the process.
 
-The process has a low priority, and its memory is limited. The server ends it if it sends nothing for ``PATIENCE``, and when the job
-is cancelled. Both sides send one JSON object per line.
+The process has a low priority, and its memory is limited. The server ends it if it sends nothing for ``SILENCE_TIMEOUT``, and
+when the job is cancelled. Both sides send one JSON object per line.
 """
 
 from __future__ import annotations
@@ -35,15 +35,15 @@ from axisbus.ipc.values import Codec
 from axisbus.system import process_limits
 from axisbus.system.signals import OWN_GROUP
 from axisbus.web.config import file_jobs, files
-from axisbus.web.config.file_jobs import JobNode, Tell
+from axisbus.web.config.file_jobs import JobNode, OnProgress
 from axisbus.web.config.files import Dcf
 from axisbus.web.config.report import ConfigJobKind, ConfigReport
 
-PATIENCE = 20.0  # seconds that the process may compute until it sends something
+SILENCE_TIMEOUT = 20.0  # seconds that the process may compute until it sends something
 MEMORY = 1 << 30  # bytes of its address space; the largest files that are accepted need half of it
 _PROCESSOR_TIME = 600  # seconds, after which the kernel ends a process that has lost its server
 _NICE = 15
-_LOOK = 0.1  # seconds between two checks whether the job is cancelled
+_POLL_PERIOD = 0.1  # seconds between two checks whether the job is cancelled
 _COMMAND = (sys.executable, "-m", "axisbus.web.config.file_process")
 _CELLS = Codec([CellConfig])
 _BUSY = "if this computer is busy, try again later"
@@ -116,21 +116,21 @@ _pack = msgspec.json.Encoder().encode
 # -- in the server -----------------------------------------------------------------------------------------------------------
 
 
-def about(file: Dcf) -> str:
-    """Return the description of a file; blocks for at most ``PATIENCE``.
+def summary(file: Dcf) -> str:
+    """Return the description of a file; blocks for at most ``SILENCE_TIMEOUT``.
 
     Raises:
-        EdsError: as ``files.about``.
+        EdsError: as ``files.summary``.
         StateError: it takes too long or too much memory.
     """
     with FileProcess(file, FileTask(file.name, len(file.data))) as process:
-        end = process.next(_nothing)
+        end = process.next(_no_check)
         assert isinstance(end, FileEnd)
         return _checked(end).text
 
 
 def carry_out(
-    kind: ConfigJobKind, node: JobNode, file: Dcf, tell: Tell, check: Callable[[], None]
+    kind: ConfigJobKind, node: JobNode, file: Dcf, on_progress: OnProgress, check: Callable[[], None]
 ) -> ConfigReport:
     """Do what ``file_jobs.carry_out`` does; ``check`` raises Stopped if the job is cancelled.
 
@@ -147,14 +147,14 @@ def carry_out(
                 assert report is not None
                 return report
             if isinstance(message, FileProgress):
-                tell(message.done, message.whole)
+                on_progress(message.done, message.whole)
             else:
                 if isinstance(message, FileDownload):  # a restore that has written reports this in any case
-                    check = _nothing
-                process.answer(_answered(node, message))
+                    check = _no_check
+                process.answer(_answer_to(node, message))
 
 
-def _nothing() -> None:
+def _no_check() -> None:
     pass
 
 
@@ -164,13 +164,13 @@ def _checked(end: FileEnd) -> FileEnd:
     return end
 
 
-def _answered(node: JobNode, asked: FileQuestion) -> FileAnswer:
+def _answer_to(node: JobNode, question: FileQuestion) -> FileAnswer:
     try:
-        if isinstance(asked, FileUpload):
-            return FileAnswer(node.sdo.upload(asked.index, asked.subindex))
-        if isinstance(asked, FileDownload):
-            node.sdo.download(asked.index, asked.subindex, asked.data)
-        elif isinstance(asked, FileRestCheck):
+        if isinstance(question, FileUpload):
+            return FileAnswer(node.sdo.upload(question.index, question.subindex))
+        if isinstance(question, FileDownload):
+            node.sdo.download(question.index, question.subindex, question.data)
+        elif isinstance(question, FileRestCheck):
             node.require_not_energised()
         else:
             return FileAnswer(error=to_fields(node.refusal()))
@@ -210,17 +210,19 @@ class FileProcess:
             self._process.__exit__(None, None, None)
 
     def next(self, check: Callable[[], None]) -> FileQuestion | FileProgress | FileEnd:
-        """Return the next message; blocks for at most ``PATIENCE``, and calls ``check`` meanwhile, which may raise.
+        """Return the next message; blocks for at most ``SILENCE_TIMEOUT``, and calls ``check`` meanwhile, which may raise.
 
         Raises:
             StateError: none came in time, or the process has ended.
         """
-        until = time.monotonic() + PATIENCE
+        until = time.monotonic() + SILENCE_TIMEOUT
         while time.monotonic() < until:
             check()
             with suppress(queue.Empty):
-                return self._understood(self._messages.get(timeout=_LOOK))
-        raise self._failed(f"its process sent nothing for {PATIENCE:g} s", f"{_BUSY}, or {_COMMAND_LINE}")
+                return self._understood(self._messages.get(timeout=_POLL_PERIOD))
+        raise self._failed(
+            f"its process sent nothing for {SILENCE_TIMEOUT:g} s", f"{_BUSY}, or {_COMMAND_LINE}"
+        )
 
     def answer(self, answer: FileAnswer) -> None:
         """Answer a question."""
@@ -260,15 +262,15 @@ class _Server:
         sys.stdout.buffer.write(_pack(message) + b"\n")
         sys.stdout.buffer.flush()
 
-    def ask(self, question: FileQuestion) -> FileAnswer:
+    def query(self, question: FileQuestion) -> FileAnswer:
         self.send(question)
         if not (line := sys.stdin.buffer.readline()):
             raise SystemExit(1)  # the server has ended
         return _ANSWERS.decode(line)
 
-    def ask_for_data(self, question: FileQuestion) -> bytes:
+    def query_data(self, question: FileQuestion) -> bytes:
         """Return the data of the answer; raises its error."""
-        answer = self.ask(question)
+        answer = self.query(question)
         if answer.error is not None:
             raise from_fields(answer.error)
         return answer.data
@@ -283,13 +285,13 @@ class _FileSdo:
         self._server = server
 
     def upload(self, index: int, subindex: int = 0, *, progress: Progress | None = None) -> bytes:
-        data = self._server.ask_for_data(FileUpload(index, subindex))
+        data = self._server.query_data(FileUpload(index, subindex))
         if progress is not None:
             progress(len(data), len(data))
         return data
 
     def download(self, index: int, subindex: int, data: bytes) -> None:
-        self._server.ask_for_data(FileDownload(index, subindex, data))
+        self._server.query_data(FileDownload(index, subindex, data))
 
     def read(self, key: int | str, subindex: int = 0, *, data_type: DataType | None = None) -> Value:
         entry = self.dictionary.resolve(key, subindex)
@@ -308,10 +310,10 @@ class _FileNode:
         self._server = server
 
     def require_not_energised(self) -> None:
-        self._server.ask_for_data(FileRestCheck())
+        self._server.query_data(FileRestCheck())
 
     def refusal(self) -> StateError:
-        answer = self._server.ask(FileRefusal())
+        answer = self._server.query(FileRefusal())
         assert answer.error is not None
         found = from_fields(answer.error)
         assert isinstance(found, StateError)
@@ -326,7 +328,7 @@ def main() -> None:
     file = Dcf(task.name, sys.stdin.buffer.read(task.size))
     with suppress(BrokenPipeError):
         try:
-            end = _worked(server, task, file)
+            end = _end_of(server, task, file)
         except AxisbusError as error:
             end = FileEnd(error=to_fields(error))
         except MemoryError:
@@ -334,14 +336,16 @@ def main() -> None:
         server.send(end)
 
 
-def _worked(server: _Server, task: FileTask, file: Dcf) -> FileEnd:
+def _end_of(server: _Server, task: FileTask, file: Dcf) -> FileEnd:
     if task.kind is None:
-        return FileEnd(files.about(file))
+        return FileEnd(files.summary(file))
 
-    def tell(done: int, whole: int) -> None:
+    def on_progress(done: int, whole: int) -> None:
         server.send(FileProgress(done, whole))
 
-    return FileEnd(report=file_jobs.carry_out(task.kind, _FileNode(server, task), file, tell).bounded())
+    return FileEnd(
+        report=file_jobs.carry_out(task.kind, _FileNode(server, task), file, on_progress).bounded()
+    )
 
 
 def _too_large(name: str) -> StateError:

@@ -12,13 +12,13 @@ from axisbus.errors import EdsError
 from axisbus.web.access import limits
 from axisbus.wording import counted
 
-MOST = limits.FILE  # bytes of one file
-MOST_ENTRIES = 100_000  # several times the number of the largest device
-BROUGHT, MADE = "brought", "made"
+MAX_SIZE = limits.FILE  # bytes of one file
+MAX_ENTRIES = 100_000  # several times the number of the largest device
+UPLOADED, BACKED_UP = "brought", "made"
 _LONGEST = 80  # characters of a file name
 _SHORT = 128 * 1024  # bytes of a file that is parsed in some hundredths of a second
-_FEW = 2500  # sections of such a file: each takes time, even an empty one
-_UNFIT = re.compile(r"[^\w.() +-]")
+_MAX_SECTIONS = 2500  # sections of such a file: each takes time, even an empty one
+_NOT_IN_FILE_NAMES = re.compile(r"[^\w.() +-]")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Dcf:
         compact = (
             b"compact" in self.data.replace(b"\0", b"").lower()
         )  # CompactSubObj, CompactPDO; \0: in UTF-16
-        return len(self.data) <= _SHORT and self.data.count(b"[") <= _FEW and not compact
+        return len(self.data) <= _SHORT and self.data.count(b"[") <= _MAX_SECTIONS and not compact
 
     def reading(self) -> EdsParseResult:
         """Parse the file; may take a second.
@@ -45,11 +45,11 @@ class Dcf:
         found, entries = reader.read(self.data, self.name), 0
         for each in found.eds:  # a few lines of a file may define thousands of entries
             entries += len(each.subs)
-            if entries > MOST_ENTRIES:
+            if entries > MAX_ENTRIES:
                 raise EdsError(
                     "the file has more entries than any device",
                     file=self.name,
-                    observed=f"more than {MOST_ENTRIES}",
+                    observed=f"more than {MAX_ENTRIES}",
                     remedy="give the DCF of a device",
                 )
         return found
@@ -59,40 +59,44 @@ class PageFiles:
     """Hold at most two files of each page; used by one thread."""
 
     def __init__(self) -> None:
-        self._kept: dict[tuple[int, str], Dcf] = {}
+        self._files: dict[tuple[int, str], Dcf] = {}
 
-    def keep(self, page: int, which: str, file: Dcf) -> None:
-        """Store a file of a page in place of the previous one; a file larger than ``MOST`` is not stored."""
-        self._kept.pop((page, which), None)
-        if len(file.data) <= MOST:
-            self._kept[page, which] = file
+    def store(self, page: int, which: str, file: Dcf) -> None:
+        """Store a file of a page in place of the previous one; a file larger than ``MAX_SIZE`` is not stored."""
+        self._files.pop((page, which), None)
+        if len(file.data) <= MAX_SIZE:
+            self._files[page, which] = file
 
     def of(self, page: int, which: str) -> Dcf | None:
         """Return a file of a page; None if there is none."""
-        return self._kept.get((page, which))
+        return self._files.get((page, which))
 
-    def leave(self, page: int) -> None:
+    def remove_page(self, page: int) -> None:
         """Remove the files of a closed page."""
-        for which in (BROUGHT, MADE):
-            self._kept.pop((page, which), None)
+        for which in (UPLOADED, BACKED_UP):
+            self._files.pop((page, which), None)
 
 
 def named(text: str) -> str:
     """Return a file name that is safe to show and to save: without folders and unusual characters."""
     last = re.split(r"[\\/]", text)[-1]
-    return _UNFIT.sub("_", last)[:_LONGEST].strip(" .") or "file.dcf"
+    return _NOT_IN_FILE_NAMES.sub("_", last)[:_LONGEST].strip(" .") or "file.dcf"
 
 
-def about(file: Dcf) -> str:
+def summary(file: Dcf) -> str:
     """Return the description of a file; may take a second.
 
     Raises:
         EdsError: as ``Dcf.reading``.
     """
     eds = file.reading().eds
-    said = preconditions.identity_of(eds)
-    numbers = (("vendor", said.vendor_id), ("product", said.product_code), ("serial", said.serial))
+    identity = preconditions.identity_of(eds)
+    numbers = (
+        ("vendor", identity.vendor_id),
+        ("product", identity.product_code),
+        ("serial", identity.serial),
+    )
     known = [f"{title} 0x{number:X}" for title, number in numbers if number]
     given = sum(sub.parameter_value is not None for entry in eds for sub in entry.subs.values())
-    of = "no particular node" if said.node_id is None else f"node {said.node_id}"
+    of = "no particular node" if identity.node_id is None else f"node {identity.node_id}"
     return ", ".join((f"of {of}", *known, counted(given, "value")))

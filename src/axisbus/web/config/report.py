@@ -10,7 +10,7 @@ from axisbus.web.config.files import Dcf
 from axisbus.web.view import Values
 from axisbus.wording import counted
 
-MOST, _MOST_LINES = 300, 100  # the most rows and lines that are shown
+MAX_ROWS, _MAX_LINES = 300, 100  # the most rows and lines that are shown
 _TEXT, _LINE = 200, 2000  # characters of a text in a row, and of a line
 
 
@@ -68,26 +68,26 @@ class ConfigReport:
     def bounded(self) -> ConfigReport:
         """Return the report without what is not shown: every page gets it, and a file may contain long and many names."""
         lines = self.lines
-        if len(lines) > _MOST_LINES:
-            more = counted(len(lines) - _MOST_LINES + 1, "more line")
-            lines = (*lines[: _MOST_LINES - 1], f"... and {more}")
+        if len(lines) > _MAX_LINES:
+            more = counted(len(lines) - _MAX_LINES + 1, "more line")
+            lines = (*lines[: _MAX_LINES - 1], f"... and {more}")
         return replace(
             self,
             text=cut(self.text, _LINE),
             lines=tuple(cut(line, _LINE) for line in lines),
-            rows=tuple(tuple(cut(text, _TEXT) for text in row) for row in self.rows[:MOST]),
+            rows=tuple(tuple(cut(text, _TEXT) for text in row) for row in self.rows[:MAX_ROWS]),
             refusal=bounded_texts(self.refusal),
             broken=bounded_texts(self.broken),
-            left_out=self.left_out + max(0, len(self.rows) - MOST),
+            left_out=self.left_out + max(0, len(self.rows) - MAX_ROWS),
         )
 
-    def told(self) -> Values:
+    def as_values(self) -> Values:
         """Return the report as plain values."""
         return {
             "text": self.text,
             "lines": list(self.lines),
             "titles": list(self.titles),
-            "rows": [list(row) for row in self.rows[:MOST]],
+            "rows": [list(row) for row in self.rows[:MAX_ROWS]],
             "all": len(self.rows) + self.left_out,
             "refusal": dict(self.refusal) or None,
             "command": self.command,
@@ -100,31 +100,31 @@ class ConfigReport:
 class ConfigProgress:
     """The progress of a job: ``done`` of ``whole`` objects; ``report`` or ``error`` (its three texts) once it is ``over``."""
 
-    wanted: ConfigJob
+    config_job: ConfigJob
     done: int = 0
     whole: int = 0
     over: bool = False
     report: ConfigReport | None = None
     error: Mapping[str, str] = field(default_factory=dict)
 
-    def told(self) -> Values:
+    def as_values(self) -> Values:
         """Return the progress as plain values."""
         return {
-            "kind": self.wanted.kind.value,
-            "what": self.wanted.kind.text,
-            "page": self.wanted.page,
-            "node": self.wanted.node,
+            "kind": self.config_job.kind.value,
+            "what": self.config_job.kind.text,
+            "page": self.config_job.page,
+            "node": self.config_job.node,
             "done": self.done,
             "whole": self.whole,
             "over": self.over,
-            "report": None if self.report is None else self.report.told(),
+            "report": None if self.report is None else self.report.as_values(),
             "error": dict(self.error) or None,
         }
 
 
-def cut(text: str, most: int) -> str:
+def cut(text: str, max_length: int) -> str:
     """Return a text with at most so many characters, and a mark if it is longer."""
-    return text if len(text) <= most else f"{text[:most]} ..."
+    return text if len(text) <= max_length else f"{text[:max_length]} ..."
 
 
 def bounded_texts(texts: Mapping[str, str]) -> dict[str, str]:

@@ -56,7 +56,7 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
         "pdo": DIRECTIONS.get(wording.pdo_direction(sub), ""),
         "default": wording.initial(sub, node_id),
         "limits": wording.limits(sub, node_id, whole=True),
-        "carried": _carried(node, sub),
+        "carried": _mapped_in(node, sub),
         "unit": "" if quantity is None else quantity.unit,
         "reads": sub.readable and may_read(sub),
         "writes": sub.writable and not is_domain(sub),
@@ -64,9 +64,9 @@ def _entry(node: MachineNode, quantities: Quantities, sub: Variable) -> Values:
     }
 
 
-def _carried(node: MachineNode, sub: Variable) -> str:
-    carried = node.access.mapped_in(sub.index, sub.subindex)
-    return "" if carried is None else f"{carried.pdo} ({carried.can_id:03X}h)"
+def _mapped_in(node: MachineNode, sub: Variable) -> str:
+    mapped = node.access.mapped_in(sub.index, sub.subindex)
+    return "" if mapped is None else f"{mapped.pdo} ({mapped.can_id:03X}h)"
 
 
 def _notes(node: MachineNode, sub: Variable) -> list[str]:
@@ -81,7 +81,7 @@ def _notes(node: MachineNode, sub: Variable) -> list[str]:
 # -- The findings of ``axisbus eds check`` for the EDS of a node, as plain values; worst first -------------------------
 
 
-MOST = 300
+MAX_FINDINGS = 300
 
 
 def findings(eds: Eds) -> Values:
@@ -90,7 +90,7 @@ def findings(eds: Eds) -> Values:
         found = sorted(checking.check(eds), key=lambda each: each.severity.rank)
     except AxisbusError as error:
         return {"all": 0, "shown": [], "error": explained(error)}
-    return {"all": len(found), "shown": [_finding(each) for each in found[:MOST]], "error": None}
+    return {"all": len(found), "shown": [_finding(each) for each in found[:MAX_FINDINGS]], "error": None}
 
 
 def _finding(each: EdsFinding) -> Values:
@@ -158,12 +158,12 @@ class DictionaryCache:
     def __init__(self, machine: Machine) -> None:
         """Make no dictionary before it is requested."""
         self._machine = machine
-        self._made: dict[int, tuple[NodeParts, bytes]] = {}
-        self._making = asyncio.Lock()
+        self._cache: dict[int, tuple[NodeParts, bytes]] = {}
+        self._lock = asyncio.Lock()
 
     async def page(self, node_id: int) -> bytes:
         """Return the dictionary, the PDOs and the findings of a node as JSON, or why there is none."""
-        async with self._making:  # fifty simultaneous requests must make it only once
+        async with self._lock:  # fifty simultaneous requests must make it only once
             try:
                 return await self._page(node_id)
             except AxisbusError as error:
@@ -171,14 +171,14 @@ class DictionaryCache:
 
     async def _page(self, node_id: int) -> bytes:
         parts = node_of(self._machine, node_id).access.parts
-        made = self._made.get(node_id)
-        if made is None or made[0] is not parts:  # a node that joined late has new parts
-            told = await asyncio.to_thread(book, self._machine, node_id)
-            self._made[node_id] = made = parts, json.dumps(told).encode()
-        return made[1]
+        cached = self._cache.get(node_id)
+        if cached is None or cached[0] is not parts:  # a node that joined late has new parts
+            content = await asyncio.to_thread(dictionary_values, self._machine, node_id)
+            self._cache[node_id] = cached = parts, json.dumps(content).encode()
+        return cached[1]
 
 
-def book(machine: Machine, node_id: int) -> Values:
+def dictionary_values(machine: Machine, node_id: int) -> Values:
     """Return the dictionary of a node as plain values; may take a second.
 
     Raises:

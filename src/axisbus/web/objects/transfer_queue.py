@@ -32,10 +32,10 @@ _DROPPED = {
 
 @dataclass(slots=True)
 class _Page:
-    asked: deque[ObjectJob] = field(default_factory=deque)
-    kept: tuple[ObjectKey, ...] = ()
+    requested: deque[ObjectJob] = field(default_factory=deque)
+    cyclic: tuple[ObjectKey, ...] = ()
     # by the requesting page (0: cyclic) and object, the newest result of each
-    news: dict[tuple[int, ObjectKey], TransferResult] = field(default_factory=dict)
+    unread: dict[tuple[int, ObjectKey], TransferResult] = field(default_factory=dict)
 
 
 class TransferQueue:
@@ -45,71 +45,75 @@ class TransferQueue:
         self._pages: dict[int, _Page] = {}
         self._last: dict[ObjectKey, float] = {}
         self._quiet: dict[int, float] = {}
-        self._kept_first = False
+        self._cyclic_first = False
 
     def request(self, page: int, jobs: Sequence[ObjectJob]) -> bool:
         """Queue transfers of a page; return False, and queue none of them, if too many are waiting."""
         page_state = self._pages.setdefault(page, _Page())
-        if len(page_state.asked) + len(jobs) > WAITING:
+        if len(page_state.requested) + len(jobs) > WAITING:
             return False
-        page_state.asked.extend(jobs)
+        page_state.requested.extend(jobs)
         return True
 
-    def keep(self, page: int, keys: Iterable[ObjectKey]) -> None:
+    def set_cyclic(self, page: int, keys: Iterable[ObjectKey]) -> None:
         """Set the objects that a page reads cyclically, replacing the previous ones."""
-        self._pages.setdefault(page, _Page()).kept = tuple(dict.fromkeys(keys))
-        self._tidy()
+        self._pages.setdefault(page, _Page()).cyclic = tuple(dict.fromkeys(keys))
+        self._drop_unused()
 
     def drop_writes(self, page: int, now: float) -> None:
         """Drop the pending writes of a page, because it has lost the controls."""
         page_state = self._pages.get(page)
         if page_state is None:
             return
-        dropped = [job for job in page_state.asked if job.wish is not None]
-        page_state.asked = deque(job for job in page_state.asked if job.wish is None)
-        page_state.news.update({(page, job.key): TransferResult(job, now, error=_DROPPED) for job in dropped})
+        dropped = [job for job in page_state.requested if job.write_request is not None]
+        page_state.requested = deque(job for job in page_state.requested if job.write_request is None)
+        page_state.unread.update(
+            {(page, job.key): TransferResult(job, now, error=_DROPPED) for job in dropped}
+        )
 
-    def leave(self, page: int) -> None:
+    def remove_page(self, page: int) -> None:
         """Remove a closed page."""
         self._pages.pop(page, None)
-        self._tidy()
+        self._drop_unused()
 
     def next(self, now: float) -> ObjectJob | None:
         """Return the next transfer; None while there is none."""
-        job = self._of_kept(now) if self._kept_first else None
-        job = job or self._of_asked() or self._of_kept(now)
+        job = self._next_cyclic(now) if self._cyclic_first else None
+        job = job or self._next_requested() or self._next_cyclic(now)
         if job is not None:
-            self._kept_first = job.page != 0
+            self._cyclic_first = job.page != 0
         return job
 
-    def done(self, seen: TransferResult, now: float) -> None:
+    def store_result(self, result: TransferResult, now: float) -> None:
         """Store the result of a transfer for the page that waits for it and for those that read the object cyclically."""
-        job = seen.job
-        if seen.silent:
+        job = result.job
+        if result.silent:
             self._quiet[job.key.node] = now + QUIET
-            self._give_up(job.key.node, seen)
-        for_all = job.wish is None or seen.value is not None  # a refused write is reported to its page only
+            self._fail_reads(job.key.node, result)
+        for_all = (
+            job.write_request is None or result.value is not None
+        )  # a refused write is reported to its page only
         for number, page_state in self._pages.items():
-            if number == job.page or (for_all and job.key in page_state.kept):
-                page_state.news[job.page, job.key] = seen
+            if number == job.page or (for_all and job.key in page_state.cyclic):
+                page_state.unread[job.page, job.key] = result
 
-    def news(self, page: int) -> list[TransferResult]:
+    def unread(self, page: int) -> list[TransferResult]:
         """Return the results that a page has not received yet."""
         page_state = self._pages.get(page)
-        if page_state is None or not page_state.news:
+        if page_state is None or not page_state.unread:
             return []
-        found, page_state.news = list(page_state.news.values()), {}
+        found, page_state.unread = list(page_state.unread.values()), {}
         return found
 
-    def _of_asked(self) -> ObjectJob | None:
+    def _next_requested(self) -> ObjectJob | None:
         for number, page_state in list(self._pages.items()):
-            if page_state.asked:
+            if page_state.requested:
                 self._pages[number] = self._pages.pop(number)  # so that the other pages come first
-                return page_state.asked.popleft()
+                return page_state.requested.popleft()
         return None
 
-    def _of_kept(self, now: float) -> ObjectJob | None:
-        keys = [key for key in self._kept() if self._quiet.get(key.node, 0.0) <= now]
+    def _next_cyclic(self, now: float) -> ObjectJob | None:
+        keys = [key for key in self._cyclic_keys() if self._quiet.get(key.node, 0.0) <= now]
         key = min(keys, key=self._read_last, default=None)
         if key is None or now - self._read_last(key) < PERIOD:
             return None
@@ -119,18 +123,20 @@ class TransferQueue:
     def _read_last(self, key: ObjectKey) -> float:
         return self._last.get(key, -math.inf)
 
-    def _give_up(self, node: int, seen: TransferResult) -> None:
+    def _fail_reads(self, node: int, result: TransferResult) -> None:
         for number, page_state in self._pages.items():
-            hopeless = [job for job in page_state.asked if job.key.node == node and job.wish is None]
-            page_state.asked = deque(job for job in page_state.asked if job not in hopeless)
-            page_state.news.update({(number, job.key): replace(seen, job=job) for job in hopeless})
+            failed = [
+                job for job in page_state.requested if job.key.node == node and job.write_request is None
+            ]
+            page_state.requested = deque(job for job in page_state.requested if job not in failed)
+            page_state.unread.update({(number, job.key): replace(result, job=job) for job in failed})
 
-    def _kept(self) -> set[ObjectKey]:
-        return {key for page_state in self._pages.values() for key in page_state.kept}
+    def _cyclic_keys(self) -> set[ObjectKey]:
+        return {key for page_state in self._pages.values() for key in page_state.cyclic}
 
-    def _tidy(self) -> None:
-        kept = self._kept()
-        self._last = {key: last for key, last in self._last.items() if key in kept}
+    def _drop_unused(self) -> None:
+        cyclic = self._cyclic_keys()
+        self._last = {key: last for key, last in self._last.items() if key in cyclic}
 
 
 # -- An SDO transfer that a page waits for, and its result as sent to the page -----------------------------------------
@@ -146,11 +152,11 @@ class TransferRequest:
 
 @dataclass(frozen=True, slots=True)
 class ObjectJob:
-    """One transfer: ``page`` has requested it (0: cyclic read); ``wish`` is None if it reads."""
+    """One transfer: ``page`` has requested it (0: cyclic read); ``write_request`` is None if it reads."""
 
     key: ObjectKey
     page: int = 0
-    wish: TransferRequest | None = None
+    write_request: TransferRequest | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -177,19 +183,19 @@ class TransferResult:
     question: WriteConfirmation | None = None
     silent: bool = False
 
-    def told(self, now: float) -> Values:
+    def as_values(self, now: float) -> Values:
         """Return the result as plain values, with its age in seconds."""
-        asked = self.question
+        requested = self.question
         return {
             "key": str(self.job.key),
-            "wrote": self.job.wish is not None,
+            "wrote": self.job.write_request is not None,
             "age": round(max(0.0, now - self.stamp), 3),
             "value": self.value,
             "error": dict(self.error) or None,
             "note": self.note,
             "question": None
-            if asked is None
-            else {"text": asked.text, "reasons": " ".join(sorted(asked.reasons))},
+            if requested is None
+            else {"text": requested.text, "reasons": " ".join(sorted(requested.reasons))},
         }
 
 

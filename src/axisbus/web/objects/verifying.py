@@ -19,7 +19,7 @@ from axisbus.web.access.lease import Refusal
 from axisbus.web.view import Values, explained
 from axisbus.wording import counted
 
-MOST = 200  # the most differences that are shown
+MAX_DIFFERENCES = 200  # the most differences that are shown
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,7 +33,7 @@ class VerifyProgress:
     result: Verification | None = None
     error: Mapping[str, str] = field(default_factory=dict)
 
-    def told(self) -> Values:
+    def as_values(self) -> Values:
         """Return the progress as plain values."""
         found = () if self.result is None else self.result.differences
         worst_first = sorted(found, key=lambda each: each.severity.rank)
@@ -43,7 +43,7 @@ class VerifyProgress:
             "whole": self.whole,
             "over": self.over,
             "text": "" if self.result is None else _summary(self.result),
-            "differences": [_plain(each) for each in worst_first[:MOST]],
+            "differences": [_plain(each) for each in worst_first[:MAX_DIFFERENCES]],
             "error": dict(self.error) or None,
         }
 
@@ -54,7 +54,7 @@ class Verifying:
     def __init__(self) -> None:
         self.now: VerifyProgress | None = None
         self._page = 0
-        self._wanted: int | None = None
+        self._requested: int | None = None
         self._cancelled = threading.Event()
 
     @property
@@ -69,7 +69,7 @@ class Verifying:
         if (busy := self.busy) is not None:
             return busy
         self._cancelled = threading.Event()
-        self._page, self._wanted, self.now = page, node, VerifyProgress(node)
+        self._page, self._requested, self.now = page, node, VerifyProgress(node)
         return None
 
     def end(self, page: int | None = None) -> None:
@@ -79,7 +79,7 @@ class Verifying:
 
     def take(self) -> int | None:
         """Return the node that has to be verified now, once; None if there is none."""
-        found, self._wanted = self._wanted, None
+        found, self._requested = self._requested, None
         return found
 
     def carry_out(self, node: MachineNode) -> None:
@@ -87,11 +87,11 @@ class Verifying:
         cancelled = self._cancelled
         assert node.eds is not None
 
-        def tell(done: int, whole: int) -> None:
+        def on_progress(done: int, whole: int) -> None:
             self.now = VerifyProgress(node.node_id, done, whole)
 
         try:
-            result = verify(PacedSdo(node, cancelled, "the verification"), node.eds, tell)
+            result = verify(PacedSdo(node, cancelled, "the verification"), node.eds, on_progress)
         except AxisbusError as error:
             self.fail(node.node_id, error)
         else:

@@ -25,7 +25,7 @@ from axisbus.web.view import explained
 
 log = logging.getLogger("axisbus")
 PACE = 0.04  # seconds between two transfers: 25 in a second for all pages
-_LOOK = 0.02  # seconds between two checks for work
+_POLL_PERIOD = 0.02  # seconds between two checks for work
 
 
 class ObjectWorker:
@@ -34,36 +34,36 @@ class ObjectWorker:
     def __init__(self, machine: Machine, wanted: ObjectRequests) -> None:
         """Nothing happens before ``run``."""
         self._machine = machine
-        self._turns = wanted.turns
+        self._queue = wanted.queue
         self._verifying = wanted.verifying
         self._configuring = wanted.configuring
         self._transfers = ObjectTransfers(machine)
 
     async def run(self) -> None:
         """Run until cancelled."""
-        beside = asyncio.create_task(self._beside())
+        background = asyncio.create_task(self._run_background())
         try:
             while True:
-                job = self._turns.next(time.monotonic())
+                job = self._queue.next(time.monotonic())
                 if job is None:
-                    await asyncio.sleep(_LOOK)
+                    await asyncio.sleep(_POLL_PERIOD)
                 else:
-                    seen = await asyncio.to_thread(self._carry_out, job)
-                    self._turns.done(seen, time.monotonic())
+                    result = await asyncio.to_thread(self._carry_out, job)
+                    self._queue.store_result(result, time.monotonic())
                     await asyncio.sleep(PACE)
         finally:
             self._verifying.end()
             self._configuring.end()
-            beside.cancel()
+            background.cancel()
 
-    async def _beside(self) -> None:
+    async def _run_background(self) -> None:
         while True:
             node, wanted = self._verifying.take(), self._configuring.take()
             if node is not None:
                 await asyncio.to_thread(self._verify_one, node)
             if wanted is not None:
                 self._configuring.done(await asyncio.to_thread(self._configure, wanted))
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_POLL_PERIOD)
 
     def _configure(self, wanted: ConfigJob) -> ConfigProgress:
         try:
@@ -117,9 +117,9 @@ class ObjectTransfers:
         try:
             node = node_of(self._machine, job.key.node)
             entry = node.sdo.dictionary.entry(job.key.index, job.key.subindex)
-            if job.wish is None:
+            if job.write_request is None:
                 return self._read(job, node, entry)
-            return self._write(job, job.wish, node, entry)
+            return self._write(job, job.write_request, node, entry)
         except AxisbusError as error:
             return TransferResult(
                 job, time.monotonic(), error=explained(error), silent=isinstance(error, SdoTimeout)
@@ -131,21 +131,23 @@ class ObjectTransfers:
         return TransferResult(job, time.monotonic(), self._shown(node, entry, value))
 
     def _write(
-        self, job: ObjectJob, wish: TransferRequest, node: MachineNode, entry: DictionaryEntry
+        self, job: ObjectJob, write_request: TransferRequest, node: MachineNode, entry: DictionaryEntry
     ) -> TransferResult:
-        value = self._checked(wish.text, node, entry)
+        value = self._checked(write_request.text, node, entry)
         reasons = {} if guarded_write.moves(node.eds, entry) else _reasons(node, entry)
-        if not wish.agreed.issuperset(reasons):
+        if not write_request.agreed.issuperset(reasons):
             what = f"Write {self._shown(node, entry, value)} to {entry} of node {node.node_id}?"
             question = WriteConfirmation(" ".join((what, *reasons.values())), frozenset(reasons))
             return TransferResult(job, time.monotonic(), question=question)
-        written = guarded_write.write_in_machine(node, entry, value, None, may_move=ENERGISED in wish.agreed)
-        words = written.words(value, lambda one: self._shown(node, entry, one))
+        written = guarded_write.write_in_machine(
+            node, entry, value, None, may_move=ENERGISED in write_request.agreed
+        )
+        result_text = written.result_text(value, lambda one: self._shown(node, entry, one))
         after = None if written.after is None else self._shown(node, entry, written.after)
         if not written.agrees(value):
-            error = {"message": f"{entry} {words}", "observed": "", "remedy": ""}
+            error = {"message": f"{entry} {result_text}", "observed": "", "remedy": ""}
             return TransferResult(job, time.monotonic(), after, error)
-        return TransferResult(job, time.monotonic(), after, note=words + _to_be_kept(node, entry))
+        return TransferResult(job, time.monotonic(), after, note=result_text + _storing_note(node, entry))
 
     def _checked(self, typed: str, node: MachineNode, entry: DictionaryEntry) -> Value:
         """Return a typed text as a value, if the EDS and the cell file permit writing it; sends nothing."""
@@ -173,6 +175,6 @@ def _reasons(node: MachineNode, entry: DictionaryEntry) -> dict[str, str]:
     return found
 
 
-def _to_be_kept(node: MachineNode, entry: DictionaryEntry) -> str:
+def _storing_note(node: MachineNode, entry: DictionaryEntry) -> str:
     stores = node.sdo.dictionary.has(c301.STORE_PARAMETERS, 1) and not guarded_write.is_command(entry.index)
     return f"; it is in RAM only; to store it: axisbus save {node.node_id} ..." if stores else ""

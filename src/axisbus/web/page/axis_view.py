@@ -139,14 +139,14 @@ def bars_view(bars: Iterable[Bar]) -> None:
     with Tag("div", classes="bars"):
         Tag("h2", "Limits")
         for bar in bars:
-            if bar.span is None:
+            if bar.bounds is None:
                 Tag("p", f"{bar.title}: no limit is known", "none")
             else:
-                _bar(bar, bar.span)
+                _bar(bar, bar.bounds)
 
 
-def _bar(bar: Bar, span: Span) -> None:
-    low, high = (f"{each:g}" for each in span)
+def _bar(bar: Bar, bounds: Span) -> None:
+    low, high = (f"{each:g}" for each in bounds)
     with Tag("div", classes="bar live", data_bar=bar.name):
         with Tag("div", classes="said"):
             Tag("span", bar.title)

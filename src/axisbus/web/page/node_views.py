@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from axisbus.machine.machine import Machine
-from axisbus.web.commands.verbs import ASKED, KEPT
-from axisbus.web.config.files import MOST
+from axisbus.web.commands.verbs import MAX_CYCLIC, MAX_OBJECTS
+from axisbus.web.config.files import MAX_SIZE
 from axisbus.web.page.tags import Tag, select
 
 VIEW = "objects"
@@ -23,7 +23,13 @@ _VERIFY = (
 
 def objects_view(machine: Machine) -> None:
     """Put the view into the page."""
-    with Tag("section", data_view=VIEW, aria_label="Objects", data_kept=str(KEPT), data_asked=str(ASKED)):
+    with Tag(
+        "section",
+        data_view=VIEW,
+        aria_label="Objects",
+        data_kept=str(MAX_CYCLIC),
+        data_asked=str(MAX_OBJECTS),
+    ):
         Tag("h1", "Objects")
         with Tag("div", classes="row looked-for"):
             select(
@@ -88,7 +94,7 @@ _FILE = (
 
 def config_view(machine: Machine) -> None:
     """Put the view into the page."""
-    with Tag("section", data_view=CONFIG_VIEW, aria_label="Configuration", data_most=str(MOST)):
+    with Tag("section", data_view=CONFIG_VIEW, aria_label="Configuration", data_most=str(MAX_SIZE)):
         Tag("h1", "Configuration")
         with Tag("div", classes="row looked-for"):
             nodes = [(str(node), named(machine, node)) for node in machine.cell.nodes]

@@ -18,7 +18,7 @@ from axisbus.web.page import node_views
 from axisbus.web.page.axis_view import axis_view
 from axisbus.web.page.tags import Tag, button, scrolled, select
 from axisbus.web.scope.saving import can_save
-from axisbus.web.scope.signals import MOST, ScopeSignal, signals_of
+from axisbus.web.scope.signals import MAX_SIGNALS, ScopeSignal, signals_of
 from axisbus.web.tuning.outcome import FIGURES
 
 _HEAD = (
@@ -203,7 +203,7 @@ _KEYS = (
 
 def scope_view(cell: str) -> Tag:
     """Put the view into the page; return the container of the signals. ``cell`` is the name for a browser's stored selection."""
-    with Tag("section", data_view=SCOPE_VIEW, aria_label="Scope", data_cell=cell, data_most=str(MOST)):
+    with Tag("section", data_view=SCOPE_VIEW, aria_label="Scope", data_cell=cell, data_most=str(MAX_SIGNALS)):
         Tag("h1", "Scope")
         signals = Tag("div", classes="signals")
         _controls()

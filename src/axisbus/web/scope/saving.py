@@ -32,11 +32,11 @@ from axisbus.record.events import Watched
 from axisbus.record.mcap_writer import McapWriter
 from axisbus.record.output_file import facts_of
 from axisbus.web.access.middleware import SESSION
-from axisbus.web.scope.signals import MOST, all_signals
+from axisbus.web.scope.signals import MAX_SIGNALS, all_signals
 from axisbus.web.view import explained
 
 HEAD = Struct("<II")
-MOST_SAMPLES = 1 << 17  # as many as a browser stores
+MAX_SAMPLES = 1 << 17  # as many as a browser stores
 _LONGEST_NAMES = 4096  # bytes
 _FACTS = {"from": "data shown on the scope of a page"}
 
@@ -54,14 +54,14 @@ def can_save() -> bool:
     return find_spec("mcap") is not None
 
 
-def read(data: bytes, there: Collection[str]) -> ScopeSamples | None:
-    """Return the samples in a page's data, of the signals in ``there``; None if the data are invalid."""
+def read(data: bytes, axes: Collection[str]) -> ScopeSamples | None:
+    """Return the samples in a page's data, of the signals in ``axes``; None if the data are invalid."""
     if len(data) < HEAD.size:
         return None
     count, long = HEAD.unpack_from(data)
-    names = _names(data[HEAD.size : HEAD.size + min(long, _LONGEST_NAMES)], there)
+    names = _names(data[HEAD.size : HEAD.size + min(long, _LONGEST_NAMES)], axes)
     begin = HEAD.size + long
-    if not names or not 0 < count <= MOST_SAMPLES or len(data) != begin + count * (8 + 4 * len(names)):
+    if not names or not 0 < count <= MAX_SAMPLES or len(data) != begin + count * (8 + 4 * len(names)):
         return None
     times = _numbers("d", data[begin : begin + 8 * count])
     if not all(map(math.isfinite, times)) or times[0] < 0.0 or any(b < a for a, b in pairwise(times)):
@@ -92,14 +92,14 @@ def mcap(machine: Machine, data: bytes) -> bytes:
         return path.read_bytes()
 
 
-def _names(text: bytes, there: Collection[str]) -> list[str] | None:
+def _names(text: bytes, axes: Collection[str]) -> list[str] | None:
     try:
         names = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(names, list) or len(names) > MOST or len(set(map(str, names))) < len(names):
+    if not isinstance(names, list) or len(names) > MAX_SIGNALS or len(set(map(str, names))) < len(names):
         return None
-    return names if all(isinstance(name, str) and name in there for name in names) else None
+    return names if all(isinstance(name, str) and name in axes for name in names) else None
 
 
 def _numbers(kind: str, data: bytes) -> array[float]:
@@ -113,7 +113,7 @@ def _numbers(kind: str, data: bytes) -> array[float]:
 # -- HTTP request of the page for an MCAP file of its scope's samples; one at a time, and one for each browser ---------
 
 
-_PATIENCE = 20.0  # seconds that the upload of the samples may take
+_UPLOAD_TIMEOUT = 20.0  # seconds that the upload of the samples may take
 _BUSY = StateError("another file of this browser is being written", remedy="save again in a moment")
 
 
@@ -124,29 +124,29 @@ class ScopeRoutes:
         """``machine`` is the one whose signals are shown."""
         self._machine = machine
         self._busy: set[int] = set()
-        self._turn = asyncio.Lock()
+        self._lock = asyncio.Lock()
 
     async def save(self, request: Request) -> Response:
         """Return the file, or the error as JSON."""
         browser = request.scope[SESSION].number
         if browser in self._busy:
-            return _told(_BUSY)
+            return _error_response(_BUSY)
         self._busy.add(browser)
         try:
-            async with asyncio.timeout(_PATIENCE):
+            async with asyncio.timeout(_UPLOAD_TIMEOUT):
                 data = await request.body()
-            async with self._turn:
-                made = await asyncio.to_thread(mcap, self._machine, data)
-            return Response(made, media_type="application/octet-stream")
+            async with self._lock:
+                content = await asyncio.to_thread(mcap, self._machine, data)
+            return Response(content, media_type="application/octet-stream")
         except AxisbusError as error:
-            return _told(error)
+            return _error_response(error)
         except (ClientDisconnect, TimeoutError, OSError) as error:
-            return _told(StateError("the file could not be written", observed=one_line(error)))
+            return _error_response(StateError("the file could not be written", observed=one_line(error)))
         finally:
             self._busy.discard(browser)
 
 
-def _told(error: AxisbusError) -> Response:
+def _error_response(error: AxisbusError) -> Response:
     return Response(json.dumps({"error": explained(error)}), media_type="application/json")
 
 
@@ -186,7 +186,7 @@ def write_samples(
 def _write(
     writer: McapWriter, channel: int, times: Sequence[float], values: Mapping[str, Sequence[float]]
 ) -> None:
-    there = [values.get(name) for name in NAMES]
+    columns = [values.get(name) for name in NAMES]
     for at, now in enumerate(times):
-        row = [None if each is None or not math.isfinite(each[at]) else each[at] for each in there]
+        row = [None if each is None or not math.isfinite(each[at]) else each[at] for each in columns]
         writer.write(channel, now, SampleRow(*row))

@@ -18,7 +18,7 @@ from axisbus.web.access.limits import MESSAGE, as_object
 
 # -- Buffer the last cycles of a machine for slow pages; the oldest are dropped and counted as lost ------------------------
 
-KEPT = 4096  # cycles: 4 s at 1 kHz
+MAX_CYCLES = 4096  # cycles: 4 s at 1 kHz
 
 Row = tuple[float | str | bool | None, ...]
 
@@ -55,30 +55,30 @@ class Fetched(NamedTuple):
 class ScopeBuffer:
     """Hold the last cycles; one thread adds, another fetches."""
 
-    def __init__(self, kept: int = KEPT) -> None:
-        self._kept: deque[ScopeCycle] = deque(maxlen=kept)
+    def __init__(self, max_cycles: int = MAX_CYCLES) -> None:
+        self._cycles: deque[ScopeCycle] = deque(maxlen=max_cycles)
         self.end = 0  # the number of the next cycle
 
     def add(self, now: float, snapshots: Mapping[str, Snapshot]) -> None:
         """Store one cycle; for ``Session.observe``."""
-        self._kept.append(ScopeCycle(self.end, now, dict(snapshots)))
+        self._cycles.append(ScopeCycle(self.end, now, dict(snapshots)))
         self.end += 1
 
-    def since(self, at: int, most: int) -> Fetched:
-        """Return at most ``most`` cycles, beginning with number ``at``."""
-        there = self._kept.copy()  # atomic: the other thread may add cycles
-        if not there or there[-1].number < at:
+    def since(self, at: int, max_count: int) -> Fetched:
+        """Return at most ``max_count`` cycles, beginning with number ``at``."""
+        stored = self._cycles.copy()  # atomic: the other thread may add cycles
+        if not stored or stored[-1].number < at:
             return Fetched((), 0, at)
-        first = there[0].number
+        first = stored[0].number
         begin = max(at, first)
-        found = list(islice(there, begin - first, begin - first + most))
+        found = list(islice(stored, begin - first, begin - first + max_count))
         return Fetched(found, begin - at, begin + len(found))
 
 
 # -- The signals: their names and units, and how to compute their values from an axis's process image ----------------------
 
 NUMBERS = tuple(column for column in COLUMNS if column.type == "number")
-_PLACE = {column.name: place for place, column in enumerate(COLUMNS)}
+_COLUMN_INDEX = {column.name: column_index for column_index, column in enumerate(COLUMNS)}
 
 
 class ScopeSignal(NamedTuple):
@@ -98,8 +98,8 @@ def signals_of(axis: str, parameters: AxisParameters) -> list[ScopeSignal]:
 def all_signals(machine: Machine) -> list[ScopeSignal]:
     """Return the signals of every axis that is present."""
     facts = machine.session.axes
-    there = [axis for axis in machine.axes if axis in facts]
-    return [each for axis in there for each in signals_of(axis, facts[axis].parameters)]
+    axes = [axis for axis in machine.axes if axis in facts]
+    return [each for axis in axes for each in signals_of(axis, facts[axis].parameters)]
 
 
 class SignalReader:
@@ -107,27 +107,27 @@ class SignalReader:
 
     def __init__(self, wanted: Iterable[str], parameters: Mapping[str, AxisParameters]) -> None:
         """``wanted``: signals by name, of axes that ``parameters`` has."""
-        self._places = [
-            (axis, _PLACE[column]) for axis, _, column in (name.rpartition(".") for name in wanted)
+        self._columns = [
+            (axis, _COLUMN_INDEX[column]) for axis, _, column in (name.rpartition(".") for name in wanted)
         ]
-        self._forms = {axis: AxisForm.of(parameters[axis]) for axis, _ in self._places}
-        self.count = len(self._places)
+        self._forms = {axis: AxisForm.of(parameters[axis]) for axis, _ in self._columns}
+        self.count = len(self._columns)
 
     def values(self, cycle: ScopeCycle) -> list[float]:
         """Return a value for each signal, in their order; NaN if it is unknown, or its axis is absent."""
         rows = {axis: cycle.row(axis, form) for axis, form in self._forms.items()}
-        return [_number(rows[axis], place) for axis, place in self._places]
+        return [_number(rows[axis], column_index) for axis, column_index in self._columns]
 
 
-def _number(row: Row | None, place: int) -> float:
-    found = None if row is None else row[place]
+def _number(row: Row | None, column_index: int) -> float:
+    found = None if row is None else row[column_index]
     return found if isinstance(found, float | int) else math.nan
 
 
 # -- Parse a page's selection of signals for its scope -----------------------------------------------------------------
 
 
-MOST = 10  # signals
+MAX_SIGNALS = 10  # signals
 
 
 @dataclass(frozen=True, slots=True)
@@ -138,8 +138,8 @@ class Choice:
     signals: tuple[str, ...]
 
 
-def read(text: str, there: Collection[str]) -> Choice | None:
-    """Return the selection in a message, of the signals in ``there``; None if the message is invalid."""
+def read(text: str, known: Collection[str]) -> Choice | None:
+    """Return the selection in a message, of the signals in ``known``; None if the message is invalid."""
     found = as_object(text) if len(text) <= MESSAGE else None
     if found is None:
         return None
@@ -148,9 +148,9 @@ def read(text: str, there: Collection[str]) -> Choice | None:
         type(number) is not int
         or not 0 <= number < 1 << 32
         or not isinstance(names, list)
-        or len(names) > MOST
+        or len(names) > MAX_SIGNALS
     ):
         return None
-    if not all(isinstance(name, str) and name in there for name in names):
+    if not all(isinstance(name, str) and name in known for name in names):
         return None
     return Choice(number, tuple(dict.fromkeys(names)))

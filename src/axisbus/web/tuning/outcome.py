@@ -18,9 +18,9 @@ _SIDES = (TrialPhase.THERE, TrialPhase.BACK)
 
 @dataclass(frozen=True, slots=True)
 class TrialOutcome:
-    """A finished trial: ``told`` is the report for its page, ``sides`` are the recorded sides."""
+    """A finished trial: ``report`` is the report for its page, ``sides`` are the recorded sides."""
 
-    told: Values
+    report: Values
     step: TuningStep
     unit: str
     sides: tuple[tuple[TrialPhase, TrialSide], ...]
@@ -28,12 +28,12 @@ class TrialOutcome:
     def samples(self) -> Values:
         """Return all cycles, in the units of the step's quantity; unknown values are None. May take a tenth of a second."""
         return {
-            "number": self.told["number"],
+            "number": self.report["number"],
             "axis": self.step.axis,
             "kind": self.step.kind.value,
             "unit": self.unit,
-            "text": self.told["text"],
-            **{phase.value: _drawn(self.step, phase, side) for phase, side in self.sides},
+            "text": self.report["text"],
+            **{phase.value: _plotted(self.step, phase, side) for phase, side in self.sides},
         }
 
 
@@ -43,7 +43,7 @@ def outcome(
     """Return the result of a finished trial; a disturbed trial has no figures."""
     step, units = trial.step, parameters.units
     of = units.velocity.unit if step.kind is TuningStepKind.VELOCITY else units.position.unit
-    whole = not trial.why
+    undisturbed = not trial.why
     sides = tuple((phase, trial.sides[phase]) for phase in _SIDES if phase in trial.sides)
     values: Values = {
         "number": number,
@@ -53,8 +53,10 @@ def outcome(
         "why": trial.why,
         "error": None if error is None else explained(error),
         "samples": sum(len(side.points) for _, side in sides),
-        "figures": {phase.value: told(step, phase, side, (of, units.position.unit)) for phase, side in sides}
-        if whole
+        "figures": {
+            phase.value: report(step, phase, side, (of, units.position.unit)) for phase, side in sides
+        }
+        if undisturbed
         else {},
     }
     return TrialOutcome(values, step, of, sides)
@@ -65,7 +67,7 @@ def _text(step: TuningStep, of: str, unit: str) -> str:
     return f"{step.kind.value} {step.size:g} {of}{fast}, {step.acceleration:g} {unit}/s², {step.seconds:g} s"
 
 
-def _drawn(step: TuningStep, phase: TrialPhase, side: TrialSide) -> Values:
+def _plotted(step: TuningStep, phase: TrialPhase, side: TrialSide) -> Values:
     """Return the columns of a side; a velocity step has its commanded velocity as target, and no demand."""
     found = since(side)
     points = [point for _, point in found]
@@ -116,9 +118,9 @@ def measured(step: TuningStep, phase: TrialPhase, side: TrialSide) -> Response |
 
 def since(side: TrialSide) -> list[tuple[float, TrialSample]]:
     """Return the points of a side with their times from its observed beginning; empty if it has not begun."""
-    if side.begun is None:
+    if side.started is None:
         return []
-    return [(point.time - side.begun, point) for point in side.points]
+    return [(point.time - side.started, point) for point in side.points]
 
 
 def highest_error(points: Sequence[TrialSample]) -> float | None:
@@ -126,7 +128,7 @@ def highest_error(points: Sequence[TrialSample]) -> float | None:
     return max((abs(point.error) for point in points if not math.isnan(point.error)), default=None)
 
 
-def told(step: TuningStep, phase: TrialPhase, side: TrialSide, units: tuple[str, str]) -> dict[str, str]:
+def report(step: TuningStep, phase: TrialPhase, side: TrialSide, units: tuple[str, str]) -> dict[str, str]:
     """Return the figures of a side by name; ``units`` are those of the step's quantity and of positions."""
     found, error = measured(step, phase, side), highest_error(side.points)
     lag = "unknown" if error is None else f"{error:.4g} {units[1]}"

@@ -49,16 +49,16 @@ class TuningStep:
             return cls(axis, TuningStepKind.POSITION, values["distance"], velocity, acceleration, seconds)
         return cls(axis, TuningStepKind.VELOCITY, velocity, abs(velocity), acceleration, seconds)
 
-    def takes(self, override: float = 1.0) -> float:
+    def expected_time(self, override: float = 1.0) -> float:
         """Return the seconds that one side takes if the axis follows its profile; ``override`` (> 0) multiplies its velocity."""
         velocity = self.velocity * override
         ramp = velocity / self.acceleration
         if self.kind is TuningStepKind.VELOCITY:
             return ramp
-        way = abs(self.size)
-        if way >= velocity * ramp:
-            return way / velocity + ramp
-        return 2.0 * math.sqrt(way / self.acceleration)
+        distance = abs(self.size)
+        if distance >= velocity * ramp:
+            return distance / velocity + ramp
+        return 2.0 * math.sqrt(distance / self.acceleration)
 
 
 def question(step: TuningStep, axis: Axis, parameters: AxisParameters) -> str:
@@ -76,19 +76,19 @@ def question(step: TuningStep, axis: Axis, parameters: AxisParameters) -> str:
     _require_ready(step, axis, f"{axis.name}.{text}")
     override = axis.total_override
     _require_values(step, override, AxisCall(parameters, text))
-    here = axis.position
-    kept = axis.homed or not parameters.homing.required
-    limits = f"Its limits: {_limits(axis.limits, unit, '' if kept else ', after homing')}."
+    start = axis.position
+    position_known = axis.homed or not parameters.homing.required
+    limits = f"Its limits: {_limits(axis.limits, unit, '' if position_known else ', after homing')}."
     if step.kind is TuningStepKind.VELOCITY:
-        about = abs(step.size) * override * (step.seconds + step.takes(override))
+        travel = abs(step.size) * override * (step.seconds + step.expected_time(override))
         return (
             f"Turn {axis.name} at {_speed(step.size, override, unit)}, with {step.acceleration:g} {unit}/s², and stop it after "
-            f"{step.seconds:g} s? It goes from {here:.3f} {unit} by up to {about:.4g} {unit}, and does not come back. {limits}"
+            f"{step.seconds:g} s? It goes from {start:.3f} {unit} by up to {travel:.4g} {unit}, and does not come back. {limits}"
         )
-    if axis.modulo is None and kept:
-        AxisCall(parameters, text).target(here + step.size)
+    if axis.modulo is None and position_known:
+        AxisCall(parameters, text).target(start + step.size)
     return (
-        f"Move {axis.name} by {step.size:g} {unit}, from {here:.3f} to {here + step.size:.3f} {unit}, at up to "
+        f"Move {axis.name} by {step.size:g} {unit}, from {start:.3f} to {start + step.size:.3f} {unit}, at up to "
         f"{_speed(step.velocity, override, unit)} with {step.acceleration:g} {unit}/s², and back again after {step.seconds:g} s? "
         f"{limits}"
     )
@@ -117,12 +117,12 @@ def _require_values(step: TuningStep, override: float, request: AxisCall) -> Non
         raise ArgumentError(
             f"{request.text}: {seconds:g} s for each side is too long", remedy=f"give at most {LONGEST:g} s"
         )
-    takes = step.takes(override)
-    least = takes / (1.0 - END)  # otherwise its ramp would count as ripple
-    if least > seconds:
+    expected_time = step.expected_time(override)
+    min_seconds = expected_time / (1.0 - END)  # otherwise its ramp would count as ripple
+    if min_seconds > seconds:
         raise ArgumentError(
-            f"{request.text}: the step takes {takes:.3g} s, and is recorded for {seconds:g} s",
-            remedy=f"give at least {least:.3g} s for each side, or a smaller step",
+            f"{request.text}: the step takes {expected_time:.3g} s, and is recorded for {seconds:g} s",
+            remedy=f"give at least {min_seconds:.3g} s for each side, or a smaller step",
         )
 
 

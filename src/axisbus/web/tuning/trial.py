@@ -21,7 +21,7 @@ from axisbus.step_response import BAND
 from axisbus.web.tuning.step import TuningStep, TuningStepKind
 
 START = 3.0  # s from a command until the axis is seen to move
-DEAF = 0.5  # s without any cycle
+NO_CYCLE_TIME = 0.5  # s without any cycle
 GAP = 3.5  # periods between two cycles; with more, cycles are missing
 
 
@@ -67,7 +67,7 @@ class TrialSide:
         """``sent`` is the last point before the command."""
         self.sent = sent
         self.points = [sent]
-        self.begun: float | None = None
+        self.started: float | None = None
         self.arrived = False
 
 
@@ -75,52 +75,52 @@ class TuningTrial:
     """One trial; holds its phase and points. ``why`` is the reason of a disturbance, empty if there was none."""
 
     def __init__(self, step: TuningStep, period: float, now: float) -> None:
-        """``period`` is the cycle period in s; ``now`` is a time of the clock of ``hear`` and ``next``, not of the points."""
+        """``period`` is the cycle period in s; ``now`` is a time of the clock of ``add_points`` and ``next``, not of the points."""
         self.step = step
         self.phase = TrialPhase.ASKED
         self.sides: dict[TrialPhase, TrialSide] = {}
         self.why = ""
         self._gap = GAP * period
         self._seconds = step.seconds - 0.5 * period
-        self._heard = now
+        self._last_cycle = now
         self._last: TrialSample | None = None
 
     @property
-    def over(self) -> bool:
+    def ended(self) -> bool:
         """Whether it has ended, successfully or not."""
         return self.phase is TrialPhase.OVER
 
     def disturb(self, why: str) -> None:
         """End the trial because of a disturbance; the first reason is stored."""
-        if not self.over:
+        if not self.ended:
             self.phase, self.why = TrialPhase.OVER, why
 
-    def hear(self, points: Iterable[TrialSample], now: float) -> None:
+    def add_points(self, points: Iterable[TrialSample], now: float) -> None:
         """Process the cycles since the last call."""
         for point in points:
-            self._heard = now
-            if not self.over:
+            self._last_cycle = now
+            if not self.ended:
                 self._follow(point)
             self._last = point
 
     def next(self, now: float) -> NextAction:
         """Return the next action; going there, going back and the end are each returned once."""
-        if self.over:
+        if self.ended:
             return NextAction.WAIT
-        if now - self._heard > DEAF:
-            self.disturb(f"no cycle of the axis was seen for {DEAF:g} s")
+        if now - self._last_cycle > NO_CYCLE_TIME:
+            self.disturb(f"no cycle of the axis was seen for {NO_CYCLE_TIME:g} s")
         elif self._last is not None and self.phase is TrialPhase.ASKED:
             return self._send(TrialPhase.THERE, self._last, NextAction.GO)
         elif self._last is not None:
-            return self._look_on(self.sides[self.phase], self._last)
+            return self._next_of_side(self.sides[self.phase], self._last)
         return NextAction.WAIT
 
-    def _look_on(self, side: TrialSide, last: TrialSample) -> NextAction:
-        if side.begun is None:
+    def _next_of_side(self, side: TrialSide, last: TrialSample) -> NextAction:
+        if side.started is None:
             if last.time - side.sent.time > START:
                 self.disturb(f"the axis did not start within {START:g} s")
             return NextAction.WAIT
-        if last.time - side.begun < self._seconds:
+        if last.time - side.started < self._seconds:
             return NextAction.WAIT
         if self.phase is TrialPhase.THERE:
             return self._send(TrialPhase.BACK, last, NextAction.RETURN)
@@ -149,16 +149,16 @@ class TuningTrial:
         if point.state is _MOTION[self.step.kind]:
             if side.arrived:
                 self.disturb("the axis moved again, without a command")
-            elif side.begun is None and self._is_under_way(side, point):
-                side.begun = point.time
+            elif side.started is None and self._has_started(side, point):
+                side.started = point.time
         elif point.state is not AxisState.STANDSTILL:
             self.disturb(f"the axis changed to {point.state.value}")
-        elif side.begun is not None:
+        elif side.started is not None:
             side.arrived = True
             if self.step.kind is TuningStepKind.VELOCITY:
                 self.disturb("the axis came to rest")
 
-    def _is_under_way(self, side: TrialSide, point: TrialSample) -> bool:
+    def _has_started(self, side: TrialSide, point: TrialSample) -> bool:
         """Return whether the axis moves because of the new command: its demand changes, or its actual value has.
 
         If the axis had not arrived when it was sent back, the change of its target shows that the new command is active.
@@ -166,5 +166,7 @@ class TuningTrial:
         sent, position = side.sent, self.step.kind is TuningStepKind.POSITION
         if position and sent.state is not AxisState.STANDSTILL and point.target == sent.target:
             return False
-        led = position and abs(point.demand - sent.demand) > 0.0  # never true if one of them is unknown
-        return led or abs(point.actual - sent.actual) > BAND * abs(self.step.size)
+        demand_changed = (
+            position and abs(point.demand - sent.demand) > 0.0
+        )  # never true if one of them is unknown
+        return demand_changed or abs(point.actual - sent.actual) > BAND * abs(self.step.size)

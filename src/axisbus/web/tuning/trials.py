@@ -23,8 +23,8 @@ from axisbus.web.tuning.step import TuningStep, TuningStepKind, question
 from axisbus.web.tuning.trial import NextAction, TrialSample, TuningTrial
 from axisbus.web.view import Values
 
-KEPT = 4  # finished trials whose samples may be fetched
-GONE, OVER, SILENT, ENDED, STOPPED = (
+MAX_OUTCOMES = 4  # finished trials whose samples may be fetched
+PAGE_CLOSED, CONTROLS_LOST, SILENT, ENDED, STOPPED = (
     "its page was closed",
     "its page no longer has the controls",
     "the server received nothing from its page for 0.2 s",
@@ -40,11 +40,11 @@ class _Running:
     number: int
     page: int
     trial: TuningTrial
-    hold: DeadMan
+    deadman: DeadMan
     recording: TrialRecording
     broken: frozenset[str]  # axes that were in ErrorStop before
     handle: Handle | None = None
-    told: str = ""
+    reported: str = ""
     error: AxisbusError | None = None
 
 
@@ -59,9 +59,11 @@ class Trials:
         self._count = 0
         self._running: _Running | None = None
         self._outcomes: dict[int, TrialOutcome] = {}
-        self._news: dict[int, Values] = {}
+        self._unread: dict[int, Values] = {}
 
-    def request(self, page: int, act: PageAction, request: PageRequest, clock: DeadMan, now: float) -> None:
+    def request(
+        self, page: int, action: PageAction, request: PageRequest, clock: DeadMan, now: float
+    ) -> None:
         """Check a step, and ask its question, or start the trial if the question was confirmed.
 
         ``clock``: the known offset of the page's clock. A question carries the number that the page gave it, so that a confirmation
@@ -70,32 +72,34 @@ class Trials:
         Raises:
             AxisbusError: as ``question``, or another trial runs, or the confirmation came too late.
         """
-        name = act.axes[0]
-        step = TuningStep.of(name, act.values)
+        name = action.axes[0]
+        step = TuningStep.of(name, action.values)
         if self._running is not None:
             raise StateError("another trial is running", remedy="wait for its end, or end it")
         facts = self._machine.session.axes[name].parameters
         text = question(step, self._machine[name], facts)
         if not request.sure:
-            self._news[page] = {"question": text, "press": request.press}
+            self._unread[page] = {"question": text, "press": request.press}
             return
-        hold = DeadMan(lag=clock.lag).beaten(request.press, name, 1.0, request.sent, now)
-        if not hold.held:
+        deadman = DeadMan(lag=clock.lag).beaten(request.press, name, 1.0, request.sent, now)
+        if not deadman.held:
             raise StateError(
                 "the confirmation of a trial came too late: nothing moves", remedy="try it again"
             )
         self._count += 1
         trial = TuningTrial(step, facts.scan_period, now)
         recording = TrialRecording(self._machine, name, step.kind)
-        self._running = _Running(self._count, page, trial, hold, recording, self._in_error())
-        self._tell(self._running)
+        self._running = _Running(self._count, page, trial, deadman, recording, self._in_error())
+        self._report(self._running)
 
-    def beat(self, page: int, request: PageRequest, now: float) -> None:
+    def supervise(self, page: int, request: PageRequest, now: float) -> None:
         """Note that the page still supervises its trial; a late message does not continue a trial."""
         running = self._running
         if running is not None and running.page == page:
-            running.hold = running.hold.beaten(request.press, running.trial.step.axis, 1.0, request.sent, now)
-            if not running.hold.held:
+            running.deadman = running.deadman.beaten(
+                request.press, running.trial.step.axis, 1.0, request.sent, now
+            )
+            if not running.deadman.held:
                 self._end(running, SILENT)
 
     def end(self, page: int, why: str) -> None:
@@ -103,41 +107,41 @@ class Trials:
         if self._running is not None and self._running.page == page:
             self._end(self._running, why)
 
-    def leave(self, page: int) -> None:
+    def remove_page(self, page: int) -> None:
         """Remove a closed page."""
-        self.end(page, GONE)
-        self._news.pop(page, None)
+        self.end(page, PAGE_CLOSED)
+        self._unread.pop(page, None)
 
     def end_of(self, axes: Collection[str], verb: str) -> None:
         """End the trial of an axis that gets another command, by a halt, from which that command takes over."""
         if self._running is not None and self._running.trial.step.axis in axes:
             self._end(self._running, f"another command took over: {verb}()")
 
-    def give_way(self, axes: Collection[str] | None, why: str) -> None:
+    def end_stopped(self, axes: Collection[str] | None, why: str) -> None:
         """End the trial of an axis (None: of any axis) that is halted or stopped; that stop ends its motion."""
         running = self._running
         if running is not None and (axes is None or running.trial.step.axis in axes):
             running.trial.disturb(why)
             self._close(running)
 
-    def look(self, now: float) -> None:
+    def poll(self, now: float) -> None:
         """Advance the trial; to be called at least every 50 ms."""
         running = self._running
         if running is None:
             return
-        running.trial.hear(running.recording.taken(), now)
+        running.trial.add_points(running.recording.take(), now)
         self._watch(running, now)
         do = running.trial.next(now)
         if do in (NextAction.GO, NextAction.RETURN):
             self._send(running, do)
-        if running.trial.over:
+        if running.trial.ended:
             self._end(running, running.trial.why)
         else:
-            self._tell(running)
+            self._report(running)
 
-    def news(self, page: int) -> Values | None:
+    def unread(self, page: int) -> Values | None:
         """Return the report about its trial that a page has not received yet."""
-        return self._news.pop(page, None)
+        return self._unread.pop(page, None)
 
     def outcome(self, number: int) -> TrialOutcome | None:
         """Return the result of one of the last trials."""
@@ -145,7 +149,7 @@ class Trials:
 
     def _watch(self, running: _Running, now: float) -> None:
         handle, trial = running.handle, running.trial
-        if running.hold.silent(now):
+        if running.deadman.silent(now):
             trial.disturb(SILENT)
         if broken := sorted(self._in_error() - running.broken):
             trial.disturb(f"{broken[0]} is in {AxisState.ERRORSTOP.value}")
@@ -191,18 +195,18 @@ class Trials:
             mark_end_as_read(running.handle)
         self._running = None
         parameters = self._machine.session.axes[running.trial.step.axis].parameters
-        self._outcomes[running.number] = made = outcome(
+        self._outcomes[running.number] = finished = outcome(
             running.number, running.trial, parameters, running.error
         )
-        for old in list(self._outcomes)[:-KEPT]:
+        for old in list(self._outcomes)[:-MAX_OUTCOMES]:
             del self._outcomes[old]
-        self._news[running.page] = made.told
+        self._unread[running.page] = finished.report
 
-    def _tell(self, running: _Running) -> None:
+    def _report(self, running: _Running) -> None:
         phase = running.trial.phase.value
-        if phase != running.told:
-            running.told = phase
-            self._news[running.page] = {
+        if phase != running.reported:
+            running.reported = phase
+            self._unread[running.page] = {
                 "number": running.number,
                 "axis": running.trial.step.axis,
                 "phase": phase,
@@ -216,7 +220,7 @@ class Trials:
 # -- Record every cycle of one axis during a trial: the core's thread adds samples, the page's thread takes them -------
 
 
-_KEPT = 1 << 16  # the most waiting cycles; beyond that the oldest are dropped, which shows as a gap
+_MAX_WAITING = 1 << 16  # the most waiting cycles; beyond that the oldest are dropped, which shows as a gap
 _ACTUAL = {kind: NAMES.index(kind.value) for kind in TuningStepKind}
 _TARGET, _DEMAND, _ERROR = (NAMES.index(name) for name in ("target", "demand", "following_error"))
 
@@ -229,10 +233,10 @@ class TrialRecording:
         self._axis = axis
         self._actual = _ACTUAL[kind]
         self._form = AxisForm.of(self._session.axes[axis].parameters)
-        self._waiting: deque[tuple[float, Snapshot]] = deque(maxlen=_KEPT)
+        self._waiting: deque[tuple[float, Snapshot]] = deque(maxlen=_MAX_WAITING)
         self._session.observe(self._add)
 
-    def taken(self) -> list[TrialSample]:
+    def take(self) -> list[TrialSample]:
         """Return the cycles since the last call, oldest first."""
         found = []
         with suppress(IndexError):
