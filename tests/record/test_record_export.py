@@ -238,7 +238,7 @@ def test_flags_that_would_overlap_are_one_and_commands_that_went_well_are_report
         RecordedEvent(20.0, "nmt", "node 1", "is lost"),
     ]
     found = flags(events, 0.0, 10.0)
-    assert [(flag.number, flag.time, flag.words) for flag in found] == [
+    assert [(flag.number, flag.time, flag.texts) for flag in found] == [
         (1, 1.0, ["x.enable(), y.enable()"]),
         (2, 5.0, ["node 1: 0x8611", "x.move_absolute(1 deg): ended: fault"]),
         (3, 9.0, ["the with block ended"]),

@@ -177,7 +177,7 @@ def test_a_client_that_sends_too_much_waits_and_one_that_is_not_served_is_discon
     with suppress(TimeoutError, ConnectionError):
         for _ in range(1000):
             flood.sendall(frames)
-    assert server.bus.heard.qsize() <= 1024
+    assert server.bus.received.qsize() <= 1024
     until = time.monotonic() + 5.0
     while server.clients and time.monotonic() < until:
         time.sleep(0.01)
