@@ -311,7 +311,7 @@ def test_a_node_without_1003h_is_reported(tmp_path: Path) -> None:
 
 def incident_lines(machine: Machine, told: set[str]) -> list[str]:
     """The output of monitor, without PDOs that a busy computer may have missed."""
-    return [line for line in monitor.news(machine, told) if "TPDO" not in line]
+    return [line for line in monitor.new_lines(machine, told) if "TPDO" not in line]
 
 
 def test_monitor_reports_an_incident_once_and_again_when_it_changes(tmp_path: Path) -> None:

@@ -91,7 +91,7 @@ def test_a_machine_that_did_not_get_the_stop_is_named_with_what_it_can_do(
             os.geteuid(),
             os.getegid(),
         )
-        patch.setattr(stop_external, "found_of", lambda _: [own])
+        patch.setattr(stop_external, "claims_of", lambda _: [own])
         code, told, errors = axisbus_stop(line)
         assert (code, "x: stopped" in told) == (0, True)
         assert f"process {os.getpid()} " in errors
