@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import mmap
+import sys
 import threading
+from collections.abc import Iterator
 
 import pytest
 from hypothesis import given
@@ -118,6 +120,15 @@ def test_a_torn_image_is_not_taken():
     assert reader.read()["x"] == axis(2)
 
 
+@pytest.fixture
+def threads_alternate_quickly() -> Iterator[None]:
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(1e-5)
+    yield
+    sys.setswitchinterval(before)
+
+
+@pytest.mark.usefixtures("threads_alternate_quickly")
 def test_no_reader_ever_sees_values_of_two_cycles():
     writer, reader = ends(12)
     names = [str(number) for number in range(12)]

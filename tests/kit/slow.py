@@ -359,7 +359,7 @@ SWEEPS = (
     "system/test_system_types.py",
 )
 # Folders in which a test of many cases moves machines: ``make test`` runs some of its cases, ``make test-sweeps`` the others.
-MATRICES = ("scenarios",)
+MATRICES = ("scenarios", "drives/gim6010")
 _SAMPLE = 4  # cases of each of these tests in ``make test``, spread over all of its cases
 _SMALL = 8  # cases; a test with no more is run whole
 NAMES = frozenset((*(name for names in SLOW.values() for name in names), *SHARED_VIRTUAL_TIME, *SWEEPS))
