@@ -292,11 +292,10 @@ def test_a_lease_lost_for_missing_answers_can_be_taken_again_at_once(plant):
     with fleet_of(plant) as fleet:
         press = fleet["press"]
         with press.command():
-            keeper = fleet._leases._kept["press"]
-            keeper._until = (
-                time.monotonic()
-            )  # as where no renewal was answered: the cell has it down for a moment longer
-            until(lambda: keeper.why is not None)
+            lease = fleet._leases._held_leases["press"]
+            # as if no renewal had been answered: the cell knows it as held for a moment longer
+            lease._until = time.monotonic()
+            until(lambda: lease.why is not None)
             with press.command():  # and no longer reports that another program of this name has it
                 press["x"].move_absolute(1.0).wait(5)
 
