@@ -94,9 +94,8 @@ def test_the_short_look_gives_the_samples_of_the_whole_one(node: CanopenNode, dr
         assert found == events(node, whole, now), cycle
         short_looks += steady and short._tpdo_inputs._unrecorded
         if dice.random() < 0.01:
-            short._tpdo_inputs.steady = (
-                False  # now and then the whole look has to find everything as it would be
-            )
+            # now and then the whole look has to find everything as it would be
+            short._tpdo_inputs.steady = False
     if drive in DRIVES[:2]:
         assert short_looks > 20
     if drive == DRIVES[3]:

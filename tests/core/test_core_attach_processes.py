@@ -19,9 +19,8 @@ from kit.connection_flood import Crowd
 from kit.scenarios.core_process import OWN_PROCESS, mean_speed, own_cell, turns, under_way
 
 pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
-PROMPT = (
-    2.0  # seconds from a request until it is known to be done: half a second on a computer that is not busy
-)
+# seconds from a request until it is known to be done: half a second on a computer that is not busy
+PROMPT = 2.0
 
 
 @pytest.fixture(scope="module")

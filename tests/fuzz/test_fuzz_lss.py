@@ -17,9 +17,8 @@ from axisbus.errors import LssError, LssTimeout
 
 CEILING = 0.5  # s
 ADDRESS = LssAddress(0xC0B00, 8, 0x10002, 4711)
-MOST_ASKS = (
-    20_000  # a scan of three slaves with every search begun again, and every bit asked as often as may be
-)
+# a scan of three slaves with every search begun again, and every bit asked as often as may be
+MOST_ASKS = 20_000
 
 # One answer: the bytes behind its command specifier, and its time as a part of the wait.
 saying = st.binary(max_size=7) | st.integers(0, 255).map(lambda node: bytes([node]).ljust(7, b"\0"))

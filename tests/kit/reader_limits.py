@@ -16,9 +16,8 @@ from kit.fuzz_frames import TooLongError, within
 
 MB = 1 << 20
 FEW = 25  # of so many inputs the memory of one is measured, which takes its time
-HANGS = (
-    60.0  # seconds of any clock after which a reader is interrupted, if it takes no longer by its own limit
-)
+# seconds of any clock after which a reader is interrupted, if it takes no longer by its own limit
+HANGS = 60.0
 Names = Callable[[str, Path], bool]
 
 

@@ -29,9 +29,8 @@ from kit.sending_device import Talker
 STOPPED = (QUICK_STOP, *OFF)
 BESIDE = pytest.mark.nets("the stop beside", "the stop sequence", "the drive's watchdog")
 PERIOD = 0.02
-TIMES = (
-    'quick_stop_time = "500ms"\ndisable_time = "500ms"'  # that of a node that is lost is waited for in vain
-)
+# that of a node that is lost is waited for in vain
+TIMES = 'quick_stop_time = "500ms"\ndisable_time = "500ms"'
 
 
 @pytest.fixture

@@ -31,9 +31,8 @@ pytestmark = [OWN_PROCESS, pytest.mark.timeout(120)]
 CUTTING = Path(__file__).parents[1] / "kit" / "scenarios" / "safety_net_removal"
 # Long heartbeats: the drives' own watch over them is another net, which would hide that one of these is missing.
 HEARTBEAT = "1s"  # the drives wait for three of them
-STOPS_WITHIN = (
-    2.5  # seconds on a busy computer; the ramps take a tenth, a hung core is found after half a second
-)
+# seconds on a busy computer; the ramps take a tenth, a hung core is found after half a second
+STOPS_WITHIN = 2.5
 SPEED = 90.0  # deg/s
 
 

@@ -81,9 +81,8 @@ class SdoTransferAttempt:
         self.astray = 0  # total number of strays
         self.done = False
         self.begun = False
-        self.block_refused: int | None = (
-            None  # abort code of a server that refused the initiation of a block transfer
-        )
+        # abort code of a server that refused the initiation of a block transfer
+        self.block_refused: int | None = None
         self.entry = (index, subindex)
         self._multiplexer = index.to_bytes(2, "little") + bytes([subindex])
         self._timeout = timeout

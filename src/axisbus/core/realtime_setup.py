@@ -13,12 +13,10 @@ from pathlib import Path
 
 from axisbus.bus.link.fork_guard import disown_in_children
 
-_SWITCH_INTERVAL = (
-    0.0005  # seconds; Python's own 5 ms would let another thread delay the scan by a whole period
-)
-SPIN = (
-    0.0001  # seconds at most before a cycle is due, in which the scan only polls the clock: see ``bus.cycle``
-)
+# seconds; Python's own 5 ms would let another thread delay the scan by a whole period
+_SWITCH_INTERVAL = 0.0005
+# seconds at most before a cycle is due, in which the scan only polls the clock: see ``bus.cycle``
+SPIN = 0.0001
 OWN_PROCESS, IN_A_THREAD = "in a process of its own", "in a thread of the program"
 FIFO, LOCKED, ISOLATED = "SCHED_FIFO", "memory locked", "an isolated processor"
 QUICK_WAKING = "quick waking"
@@ -30,9 +28,8 @@ _CAP_IPC_LOCK, _CAP_SYS_NICE = 14, 23  # linux/capability.h
 _GENERATIONS = range(3)
 _MARGIN = 3.0  # multiple of the last duration that must be left
 _DECAY = 0.99  # per cycle without any collection
-_FORCED_COLLECTION_RATIO = (
-    100  # multiple of the object count at which the youngest generation is usually collected
-)
+# multiple of the object count at which the youngest generation is usually collected
+_FORCED_COLLECTION_RATIO = 100
 _PR_SET_NAME, _PR_SET_TIMERSLACK = 15, 29  # linux/prctl.h
 # Real-time priorities: above every normal thread, below the kernel's own for its devices.
 _PRIORITY_OF_OTHERS, _PRIORITY_OF_SCAN = 10, 50

@@ -98,9 +98,8 @@ class Scan:
         self.snapshots: dict[str, Snapshot] = {}
         self.observers: list[Observer] = []
         self.failure: BaseException | None = None
-        self.on_failure: Callable[[], None] | None = (
-            None  # stops the axes without the scan; called once, must not block
-        )
+        # stops the axes without the scan; called once, must not block
+        self.on_failure: Callable[[], None] | None = None
         self.ended = False
         self.waiter: Wakes | None = None
         self._work = [(name, ports[name], core) for name, core in self.axes.items()]

@@ -24,9 +24,8 @@ from axisbus.motion.override import MAX_OVERRIDE
 from axisbus.wording import counted
 
 T = TypeVar("T")
-MAX_POINTS = (
-    1000  # points of one path: they are sent to the core at once, which takes a millisecond of its time
-)
+# points of one path: they are sent to the core at once, which takes a millisecond of its time
+MAX_POINTS = 1000
 
 
 def one_each(axes: Collection[str], text: str, values: Sequence[float]) -> Sequence[float]:

@@ -240,9 +240,8 @@ class AxisParameters:
     following_error: int | None = None  # position increments
     demand: DemandUse = DemandUse.AUTO
     compares_demand: bool = True  # in motion; False: ``following_error = "off"``
-    drive_following_error: int | None = (
-        None  # position increments: the drive's own 6065h, for the position modes
-    )
+    # position increments: the drive's own 6065h, for the position modes
+    drive_following_error: int | None = None
     drive_following_time: float = 0.0  # seconds: the drive's own 6066h
     standstill_speed: float | None = None  # position increments per second
     torque_slope: int | None = None  # the drive's own 6087h, read at boot; None: the drive has none

@@ -32,9 +32,8 @@ from axisbus.motion.parameters import AxisParameters
 _SETTLING_TIME = 0.5  # seconds in addition to twice the ramp
 _MEASURING_TIME = 0.2  # seconds over which the speed is measured
 _CHANGE = 0.1  # of a speed: smaller changes are not checked
-_STEADY = (
-    0.25  # of the change that the ramp makes in _MEASURING_TIME: a smaller change counts as a constant speed
-)
+# of the change that the ramp makes in _MEASURING_TIME: a smaller change counts as a constant speed
+_STEADY = 0.25
 
 
 def overridden(profile: MoveProfile, factor: float, parameters: AxisParameters) -> MoveProfile:

@@ -7,9 +7,8 @@ from itertools import pairwise
 
 from axisbus.motion.parameters import NOISE
 
-_MAX_SAMPLES = (
-    7  # samples: six velocities; the medians of the older and the newer three give the acceleration
-)
+# samples: six velocities; the medians of the older and the newer three give the acceleration
+_MAX_SAMPLES = 7
 
 
 class VelocityEstimator:

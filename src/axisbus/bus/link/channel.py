@@ -72,9 +72,8 @@ URGENT_LOCK = 0.005  # seconds that a stop frame waits for the send lock
 URGENT_TOTAL = 0.1  # seconds that all stop frames together may take
 CLOSE_PATIENCE = 1.0
 STATE_PERIOD = 0.1  # seconds between two polls of the driver's state, if no error frame reports it
-STUCK = (
-    1.0  # seconds after which a send that has not returned never will; a slow driver takes some milliseconds
-)
+# seconds after which a send that has not returned never will; a slow driver takes some milliseconds
+STUCK = 1.0
 STUCK_SLICE = 0.02  # seconds; a wait that takes much longer shows that this program does not run
 STARVED = 10.0  # seconds that the other thread gets if neither thread runs
 

@@ -35,9 +35,8 @@ _BY_SIZE = {1: DataType.UNSIGNED8, 2: DataType.UNSIGNED16, 4: DataType.UNSIGNED3
 _LARGEST_RECORD = 64
 _IDENTITY = {"vendornumber": 1, "productnumber": 2, "revisionnumber": 3}  # sub-indices of 1018h
 _CONSTANT = frozenset((0x6502, 0x67FF))  # objects of the profile area whose value never changes
-_SILENT_IN_A_ROW = (
-    3  # objects without an answer, after which a device that answers at all gets less time for the others
-)
+# objects without an answer, after which a device that answers at all gets less time for the others
+_SILENT_IN_A_ROW = 3
 _SHORT, _SHORT_TRIES = 0.1, 2  # seconds for an answer then, at least, and attempts
 _MANDATORY = (c301.DEVICE_TYPE, c301.ERROR_REGISTER)
 _NOT_FOR_A_DOWNLOAD = frozenset((c301.STORE_PARAMETERS, c301.RESTORE_DEFAULTS))

@@ -51,9 +51,8 @@ log = logging.getLogger("axisbus")
 _SLICE = 0.1  # seconds; waiting in slices lets signal handlers run on every platform
 _CLOSE_MARGIN = 5.0  # seconds for leaving, in addition to the stop sequences
 _RESCUE_TIMEOUT = 10.0  # seconds until the watchdog process has stopped every drive
-_KILL_TIMEOUT = (
-    45.0  # seconds until the watchdog process has killed a core that hangs, and stopped every drive
-)
+# seconds until the watchdog process has killed a core that hangs, and stopped every drive
+_KILL_TIMEOUT = 45.0
 _CLOSE_TIME = 1.0
 _CHUNK = 1 << 16  # bytes of a program in one message
 _PROGRESS_PERIOD = 0.1  # seconds between two requests for the progress of a write

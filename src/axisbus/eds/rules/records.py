@@ -53,9 +53,8 @@ def missing_subindex(entry: Object, head: Section, present: int) -> int | None:
 # -- The rules -------------------------------------------------------------------------------------------------------------
 
 _ERROR_FIELD = 0x1003
-_PDOS_SUPPORTED = (
-    0x1004  # of DS 301 V3: all its sub-indices are UNSIGNED32, even 0, the number of synchronous PDOs
-)
+# of DS 301 V3: all its sub-indices are UNSIGNED32, even 0, the number of synchronous PDOs
+_PDOS_SUPPORTED = 0x1004
 _COUNT_OF_ITS_OWN = (_ERROR_FIELD, _PDOS_SUPPORTED)  # their sub-index 0 is not the highest sub-index
 # Keys that belong to the sub-indices of an object, not to the object.
 _ON_DATA = ("DefaultValue", "ParameterValue", "LowLimit", "HighLimit", "PDOMapping")

@@ -39,9 +39,8 @@ OPERANDS = 64  # elements of the filter of an event
 READS, BROWSES, CALLS, ITEMS = 500, 200, 16, 2_000  # nodes of one request, reported to clients
 REFERENCES = 5_000  # in the answer to one request: some 600 kB
 ANSWER = 1 << 20  # bytes of values in the answer to one request
-LARGE = (
-    32_768  # bytes of a value that cannot be subscribed to: the standard's own dictionaries have some 300,000
-)
+# bytes of a value that cannot be subscribed to: the standard's own dictionaries have some 300,000
+LARGE = 32_768
 WRONG = 1.0  # seconds until a wrong password is refused, which limits the attempts of one connection
 HALTING = 15.0  # seconds that a method waits for its command
 REFUSALS = 10.0, 100.0  # events about failed methods of a user: per second, and at once

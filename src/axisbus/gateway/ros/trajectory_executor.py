@@ -35,9 +35,8 @@ from axisbus.motion.states import AxisState
 from axisbus.wording import counted
 
 log = logging.getLogger("axisbus")
-_HOLD_TIME = (
-    0.5  # seconds without a report of this program after which the core halts the axes that it has moved
-)
+# seconds without a report of this program after which the core halts the axes that it has moved
+_HOLD_TIME = 0.5
 _BEAT_PERIOD = 0.1
 _CONTROL_TIME = 1.0  # seconds for which control is held after the end of a trajectory
 _POLL_PERIOD = 0.1

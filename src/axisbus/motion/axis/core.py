@@ -132,9 +132,8 @@ class AxisCore:
         self._arrival = ArrivalCheck(parameters)
         self._fault_reaction = FaultReaction(parameters)
         self.standstill_waiters = StandstillWaiters(parameters)
-        self._confirmed_origin: int | None = (
-            None  # of the last confirmed position, also after a restart of the node
-        )
+        # of the last confirmed position, also after a restart of the node
+        self._confirmed_origin: int | None = None
         self._has_restarted = False  # since its node was operational
         self._sends_target_by_sync = capabilities.outputs.get("target_position") is ValueTransport.SYNC_PDO
         self._stop_confirmed = False

@@ -55,9 +55,8 @@ class CycleOutputs:
         self.asked_mode: int | None = None
         self.sdo: list[SdoRequest] = []
         self.cancel: list[int] = []
-        self.velocity_offset: int | None = (
-            None  # these two are set again in each cycle, unless they are always None
-        )
+        # these two are set again in each cycle, unless they are always None
+        self.velocity_offset: int | None = None
         self.torque_offset: int | None = None
         self.clear()
 

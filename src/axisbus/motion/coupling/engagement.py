@@ -41,9 +41,8 @@ class Engagement:
         self.is_synchronised = False
         self.planned = False  # it commands the slave
         self.failure: AxisbusError | None = None
-        self.refused = (
-            False  # whether the failure is that the slave cannot synchronise, before any motion of it
-        )
+        # whether the failure is that the slave cannot synchronise, before any motion of it
+        self.refused = False
         self.position = 0.0
         self.phase = PhaseShift(period)
         self.master = Master(master, command.master_value, period)

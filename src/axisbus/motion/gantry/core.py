@@ -105,9 +105,8 @@ class GantryCore(GroupCore):
         self.monitor = SkewMonitor(parameters, self._first, self._second)
         self._homing: GantryHoming | None = None
         self._velocity_move: GantryVelocityMove | None = None
-        self._last_velocity_move: GantryVelocityMove | None = (
-            None  # the last one, also after it was interrupted
-        )
+        # the last one, also after it was interrupted
+        self._last_velocity_move: GantryVelocityMove | None = None
         self._squaring: CommandStatus | None = None
         self._skew_stop = SkewStop(axes, self.monitor)
         self._last_end: float | None = None  # the last commanded end position of the beam

@@ -47,9 +47,8 @@ class SkewMonitor:
         self.skew: float | None = None
         self._parameters = parameters
         self._first, self._second = first, second
-        self._reference_difference: float | None = (
-            None  # the difference when both were first seen, if the positions are not confirmed
-        )
+        # the difference when both were first seen, if the positions are not confirmed
+        self._reference_difference: float | None = None
 
     @property
     def confirmed(self) -> bool:

@@ -109,9 +109,8 @@ class GroupCore:
         self.axes = axes
         self._period = period
         self._active: list[ActiveGroupCommand | ProbeSearch] = []
-        self._last_motion: PathMotion | PointStreamMotion | None = (
-            None  # the last one, also after it was interrupted
-        )
+        # the last one, also after it was interrupted
+        self._last_motion: PathMotion | PointStreamMotion | None = None
         self._factor = 1.0
         self._queue = Queue()
         self._ended = False

@@ -88,9 +88,8 @@ class PathSpeed:
 
     def __init__(self) -> None:
         self._path: PathGeometry = EMPTY_PATH
-        self._requested: SpeedRequest | None = (
-            None  # set if the requested velocity differs between speed zones
-        )
+        # set if the requested velocity differs between speed zones
+        self._requested: SpeedRequest | None = None
         self.velocity = 0.0
         self.factor = 1.0  # the override
         self.min_deceleration = 0.0  # the lowest deceleration to brake with, along the path

@@ -87,9 +87,8 @@ class Follow(Activity):
         Without ``travel``, the path is followed by time, and a halt brakes the axis's own path with its deceleration.
         """
         self._trajectory: CheckedTrajectory | None = None
-        self._raw_trajectory: Trajectory | None = (
-            None  # the trajectory itself, for its properties known in advance
-        )
+        # the trajectory itself, for its properties known in advance
+        self._raw_trajectory: Trajectory | None = None
         self._stream: Streamed | None = None  # the trajectory, if it arrives in parts
         self._parameters = parameters
         self._units = parameters.units.position
@@ -110,9 +109,8 @@ class Follow(Activity):
         self._edges: tuple[float, float] | None = None  # the position limits that apply to it
         # The range of the drive's count; None: the axis may continue past its end.
         self._count: PositionRange | None = None
-        self._limits: PositionRange | None = (
-            None  # the permitted range: within both, the limits widened to its start
-        )
+        # the permitted range: within both, the limits widened to its start
+        self._limits: PositionRange | None = None
         self._is_returning = False  # the axis moves back from beyond the limits
         self._is_known = False  # the path is known in advance, and checked as a whole
         self._stepped = False

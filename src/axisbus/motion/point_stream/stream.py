@@ -25,9 +25,8 @@ from axisbus.motion.point_stream.curve_fit import at
 
 MAX_WAITING = 4096  # segments that may wait
 _STORED_BEHIND = 2  # segments that are stored behind the axes
-_FADE_TIME = (
-    0.5  # seconds of the stream within which the axes' start offset is removed, if it is at least so long
-)
+# seconds of the stream within which the axes' start offset is removed, if it is at least so long
+_FADE_TIME = 0.5
 _FADE_SHARE = 0.05  # of an axis's limits: the most that the removal of its start offset uses
 _AT_END = 1e-9  # seconds of the stream: a shorter rest counts as none
 _ENDLESS = 1e9  # seconds: the duration of a stream that has not been ended

@@ -90,9 +90,8 @@ class LimitMonitor:
         self._lag: float | None = None  # seconds, last measured on targets or on the ramps of commands
         self._shown_lag = 0.0  # seconds, measured with a demand that arrives rarely
         self._shown_at = -math.inf  # when that demand arrived
-        self.leaving_error: LimitError | None = (
-            None  # the last danger of an axis inside its position limits: it can come to rest there
-        )
+        # the last danger of an axis inside its position limits: it can come to rest there
+        self.leaving_error: LimitError | None = None
 
     @property
     def tracks(self) -> tuple[VelocityEstimator, VelocityEstimator | None]:

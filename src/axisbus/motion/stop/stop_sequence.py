@@ -134,9 +134,8 @@ class StopSequence:
         self.missing_condition = ""  # the missing condition for standstill when a time passed
         self.coasting_text = ""  # the same, for a motor without power
         self.blocked = False  # something held the axis while its drive pulled (or may have)
-        self.weaker_evidence = (
-            ""  # the weaker evidence than its position by which the axis was seen at standstill
-        )
+        # the weaker evidence than its position by which the axis was seen at standstill
+        self.weaker_evidence = ""
 
     @property
     def follow(self) -> SetPointSource | None:

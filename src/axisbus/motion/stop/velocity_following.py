@@ -45,9 +45,8 @@ from axisbus.motion.parameters import NOISE, AxisParameters
 
 _LAG_TIME = 0.25  # seconds of lag that a drive may have (see ``AxisParameters.lag_allowed``)
 _LONGEST = 60.0  # seconds of memory
-_SETTLED = (
-    0.4  # seconds; less than the time for which a commanded speed excuses a lag (``following._SPEED_TIME``)
-)
+# seconds; less than the time for which a commanded speed excuses a lag (``following._SPEED_TIME``)
+_SETTLED = 0.4
 _ONE_DIRECTION = 0.75  # share of the changes of velocity by which one direction must prevail
 _TAKEN = 4.0  # scan periods: until the next SYNC, until the drive acts, and until this is seen
 

@@ -71,9 +71,8 @@ class Slave:
         ] = {}  # by TPDO number: the drives whose statusword it contains
         self._remote_requestable: dict[int, Pdo] = {}  # TPDOs that answer remote frames, by COB-ID
         self.sync = SyncService(device)
-        self.time_of_day: tuple[int, int] | None = (
-            None  # milliseconds since midnight, days since 1984, as received by TIME
-        )
+        # milliseconds since midnight, days since 1984, as received by TIME
+        self.time_of_day: tuple[int, int] | None = None
         self._version = -1
         self._now: float | None = None
         self._next_heartbeat = 0.0

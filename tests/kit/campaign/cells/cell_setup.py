@@ -33,9 +33,8 @@ _FAR = (
     2**30
 )  # increments; drives that start farther away take the long direction to a target past the end of their count
 _SOFT_BEAM = 0.02  # ‰ of rated torque per increment of the usual motor
-_STIFFEST = (
-    2000.0  # increments/s² per increment: with a stiffer beam the steps of the simulation would add energy
-)
+# increments/s² per increment: with a stiffer beam the steps of the simulation would add energy
+_STIFFEST = 2000.0
 # A following error of the drive's own that never trips, and no limits of a maker's, which may be narrower than the cell file.
 _WIDE = ((0x6065, 0, 0xFFFF_FFFF), (0x607D, 1, 0), (0x607D, 2, 0), (0x607F, 0, 0))
 _OBJECTS = {"quick_stop": 0x605A, "halt": 0x605D, "disable": 0x605C, "fault": 0x605E, "deceleration": 0x6085}

@@ -21,9 +21,8 @@ _SCALES = {
     "increments": (1.0,),
 }
 _SPEEDS = (4e3, 1e4, 4e4, 2e5)  # increments/s
-_SLOWEST = (
-    300.0  # increments/s: with fewer, a slow motion cannot be distinguished from the noise of its encoder
-)
+# increments/s: with fewer, a slow motion cannot be distinguished from the noise of its encoder
+_SLOWEST = 300.0
 _RAMP_TIMES = (0.05, 0.1, 0.25, 0.5, 1.0)  # s to max_velocity
 _SPANS = (0.3, 1.0, 1.0, 3.0)  # s at max_velocity from one limit to the other
 # Objects that some drives lack. Without any one of them the drive still has pp.

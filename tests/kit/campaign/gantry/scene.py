@@ -13,9 +13,8 @@ from kit.plants import Plant, devices
 
 NAME, AXES = "b", "xy"
 SWITCHES = {"x": -40.0, "y": -37.0}  # deg: each is high from there downwards
-SQUARE_AT_SWITCHES = (
-    1.0  # deg: how much farther the motor of y is than that of x, less the offset, by SWITCHES and HOMING
-)
+# deg: how much farther the motor of y is than that of x, less the offset, by SWITCHES and HOMING
+SQUARE_AT_SWITCHES = 1.0
 STIFF = 0.5  # ‰ of rated torque per increment: the usual beam
 _LIMITS = "position_limits = [-300.0, 300.0]"
 

@@ -78,9 +78,8 @@ class Beam:
         self._absolute = not cell.core("x").parameters.homing.required
         self.square: float | None = config.offset if self._absolute else self._apart
         self._bent_since: float | None = None
-        self._fastest = (
-            0.0  # deg/s: how fast the beam was when it was bent, and deg: beyond which it counted as bent
-        )
+        # deg/s: how fast the beam was when it was bent, and deg: beyond which it counted as bent
+        self._fastest = 0.0
         self._bound, self._inside_at = MAX_SKEW, 0.0
         self._off: list[GivenCommand] = []  # one side was disabled
         self._alone_since: dict[str, float] = {}
