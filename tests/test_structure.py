@@ -367,7 +367,7 @@ def test_no_test_puts_a_folder_on_the_path():
 def test_every_test_named_as_slow_or_with_a_time_exists(name):
     path, _, function = name.partition("::")
     assert (TESTS / path).exists()
-    assert not function or f"\ndef {function}(" in (TESTS / path).read_text(encoding="utf-8")
+    assert not function or re.search(rf"^ *def {function}\(", (TESTS / path).read_text("utf-8"), re.MULTILINE)
 
 
 def test_each_test_in_real_time_is_named_once_with_its_reason_and_not_in_virtual_time():

@@ -340,7 +340,7 @@ SWEEPS = (
     "motion/test_motion_blended_profile.py::test_random_legs_that_join_at_random_times_keep_their_limits_and_the_planned_path",
     "motion/test_motion_fast_path.py",
     "motion/test_motion_groups_random.py",
-    "motion/test_motion_invariants.py::runTest",
+    "motion/test_motion_invariants.py",
     "motion/test_motion_jerk_limited_path.py::test_no_path_exceeds_velocity_acceleration_or_jerk",
     "motion/test_motion_remote_trajectory_axis.py",
     "record/test_record_foreign_files.py::test_any_mutation_of_a_recording_is_read_or_refused",
