@@ -366,12 +366,13 @@ SWEEPS = (
     "scenarios/test_scenario_user_kinematics_streams.py::test_no_axis_exceeds_its_velocity_or_acceleration_in_random_streams",
     "sim/test_sim_sdo_block.py",
     "sim/test_sim_sdo_sweep.py",
+    "system/test_system_played.py",
     "system/test_system_types.py",
 )
 # Folders in which a test of many cases moves machines: ``make test`` runs some of its cases, ``make test-sweeps`` the others.
 MATRICES = ("scenarios", "drives/gim6010")
-_SAMPLE = 4  # cases of each of these tests in ``make test``, spread over all of its cases
-_SMALL = 8  # cases; a test with no more is run whole
+_SAMPLE = 3  # cases of each of these tests in ``make test``, spread over all of its cases
+_SMALL = 6  # cases; a test with no more is run whole
 NAMES = frozenset((*(name for names in SLOW.values() for name in names), *SHARED_VIRTUAL_TIME, *SWEEPS))
 IN_REAL_TIME = frozenset(name for names in REAL_TIME.values() for name in names)
 IN_VIRTUAL_TIME = frozenset((*SLOW[VIRTUAL_TIME], *ALSO_VIRTUAL_TIME, *SHARED_VIRTUAL_TIME))
