@@ -73,7 +73,7 @@ class CycleSender(Protocol):
         """Discard these frames, because the bus cannot carry them."""
 
     def begin_again(self) -> None:
-        """Discard what was received and what is to be sent, because the adapter was opened again."""
+        """Discard received values and the frames to send: the adapter was opened again."""
 
     def take_requests(self, now: float) -> list[tuple[int, int]]:
         """Return the TPDOs to request by remote frames now, as COB-ID and data length."""

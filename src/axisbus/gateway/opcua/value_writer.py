@@ -80,9 +80,8 @@ class Updater:
         await self._put(self._nodes.devices, ua.DataValue(variant))
 
     async def _put(self, node: Node, value: ua.DataValue) -> None:
-        await asyncio.sleep(
-            0
-        )  # thousands of items may monitor a value: the methods of users are called between two values
+        # thousands of items may monitor a value: the methods of users are called between two values
+        await asyncio.sleep(0)
         await self._server.write_attribute_value(node.nodeid, value)
 
 

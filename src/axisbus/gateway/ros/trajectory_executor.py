@@ -298,9 +298,11 @@ class Freshness:
         known = self._known.get(attachment.gid)
         lag = (MessageLag(max_growth=MAX_DELAY) if known is None else known.lag).updated(sent, now)
         newest = max(number, number if known is None else known.number)
-        late_until = (
-            known.late_until if known is not None else now + RECOVERY_TIME if wall - sent > MAX_DELAY else 0.0
-        )
+        late_until = 0.0
+        if known is not None:
+            late_until = known.late_until
+        elif wall - sent > MAX_DELAY:
+            late_until = now + RECOVERY_TIME
         self._note(attachment.gid, _Known(newest, lag, late_until))
         if now - self._last_beat > MAX_PAUSE or now < self._from:
             raise StateError(

@@ -178,12 +178,13 @@ def tell_errors(target: ModbusTarget, *, clear: bool = False, as_json: bool = Fa
 
 
 def tell_lines(words: Mapping[str, int], lines: Sequence[str], *, as_json: bool) -> int:
-    """Print error words as JSON, or the sentences about their bits; return the exit code."""
+    """Print error words as JSON, or the sentences about their bits; return the exit code, which follows from the words."""
     if as_json:
         say_json(words)
-    for line in () if as_json else lines or ["no error"]:
-        say(line)
-    return WRONG if lines else OK
+    else:
+        for line in lines or ["no error"]:
+            say(line)
+    return WRONG if any(words.values()) else OK
 
 
 # -- ``axisbus gim6010 modbus write``: write settings by name, read each back, set another node ID, and save -----------
