@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from axisbus.clock import REAL, Clock, FairLock, VirtualClock, poll_until, sleep_until
+from axisbus.clock import REAL, Clock, FairLock, RealSpeed, VirtualClock, poll_until, sleep_until
 from axisbus.errors import StateError
 
 HOUR = 3600.0
@@ -213,6 +213,17 @@ def test_a_thread_knows_itself(clock: Clock) -> None:
 
 
 # -- virtual time ------------------------------------------------------------------------------------------------------
+
+
+def test_at_real_speed_virtual_time_is_not_ahead_of_real_time_and_a_pause_only_delays_it(monkeypatch) -> None:
+    real, clock = VirtualClock(), VirtualClock()
+    monkeypatch.setattr("axisbus.clock.REAL", real)
+    clock.add(RealSpeed())
+    clock.sleep(1.0)
+    assert real.now() == pytest.approx(1.0, abs=0.02)
+    real.sleep(5.0)  # the computer pauses
+    clock.sleep(1.0)
+    assert (clock.now(), real.now()) == (2.0, pytest.approx(7.0, abs=0.02))
 
 
 def test_waiting_takes_no_real_time() -> None:

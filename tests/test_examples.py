@@ -77,15 +77,15 @@ def test_the_ten_line_program_runs_as_printed(process):
     assert ran.stderr == ""
 
 
-@IN_BOTH
 @pytest.mark.timeout(120)
-def test_the_demo_runs_as_printed_and_leaves_a_cell_file_to_continue_with(tmp_path, process):
-    kept, there = tmp_path / "demo-output" / "cell.toml", process == "thread"
+@pytest.mark.parametrize("there", [False, True], ids=["new", "of_the_user"])
+def test_the_demo_runs_as_printed_and_leaves_a_cell_file_to_continue_with(tmp_path, there):
+    kept = tmp_path / "demo-output" / "cell.toml"
     own = "# of the user\n"
     if there:
         kept.parent.mkdir()
         kept.write_text(own, encoding="utf-8")
-    ran = run("-m", "axisbus", "demo", cwd=tmp_path, process=process)
+    ran = run("-m", "axisbus", "demo", cwd=tmp_path)
     assert ran.returncode == 0, ran.stderr
     assert ran.stdout.endswith(f"; then axisbus check {kept.relative_to(tmp_path)}\n")
     assert kept.read_text(encoding="utf-8") == own if there else not errors(check(kept))

@@ -235,6 +235,28 @@ class EventSource(Protocol):
         """Make the state of plants that of ``now``: the leading thread continues, and may look at them."""
 
 
+class RealSpeed:
+    """An event source that makes virtual time pass as fast as that of the computer, or more slowly while the computer is busy.
+
+    A pause of the computer only delays what follows: it is not made up for.
+    """
+
+    _STEP = 0.01  # seconds
+
+    def __init__(self) -> None:
+        self.due = 0.0
+        self._real = REAL.now()  # of the last event
+
+    def run(self, now: float, until: float) -> None:  # noqa: ARG002  the shape of every source
+        """Wait, in real time, until the computer's clock has advanced as far as the virtual one."""
+        REAL.sleep(max(0.0, self._real + self._STEP - REAL.now()))
+        self._real = REAL.now()
+        self.due = now + self._STEP
+
+    def catch_up(self, now: float) -> None:
+        """Do nothing: it has no state to read."""
+
+
 class ClockClosed(SystemExit):
     """Raised in each thread of a virtual clock that still waits when the clock is closed; it ends the thread."""
 

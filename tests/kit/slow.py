@@ -91,7 +91,7 @@ REAL_TIME = {
         "test_pages.py::test_each_command_line_beside_simulated_drives_runs_as_printed",
         "system/test_system_played.py::test_another_receiver_of_the_numbers_of_signals_gets_them_on_windows",
         "system/test_system_played.py::test_ctrl_c_stops_an_axis_while_the_program_is_in_a_long_call",
-        "system/test_system_played.py::test_the_demo_moves_the_simulated_cell_in_real_time",
+        "system/test_system_played.py::test_the_demo_moves_the_simulated_cell_at_real_speed",
         "web/test_web_attacks.py",
         "web/test_web_file_process.py",
         "web/test_web_machine_page.py",

@@ -141,7 +141,7 @@ def test_an_axis_moves_in_virtual_time_and_is_stopped_at_the_end(system, tmp_pat
 
 
 @each_system
-def test_the_demo_moves_the_simulated_cell_in_real_time(system, tmp_path):
+def test_the_demo_moves_the_simulated_cell_at_real_speed(system, tmp_path):
     text = prints(system, "demo", folder=tmp_path)
     assert "every axis has been halted and disabled" in text
     assert (tmp_path / "demo-output" / "recording.csv").exists()

@@ -133,12 +133,15 @@ class Machine:
         return None if core is None else cls(*core)._started()
 
     @classmethod
-    def simulated(cls, path: str | Path, devices: Mapping[int, Device] | None = None) -> Machine:
+    def simulated(
+        cls, path: str | Path, devices: Mapping[int, Device] | None = None, *, at_real_speed: bool = False
+    ) -> Machine:
         """Run the same cell on simulated drives and a simulated wire, in virtual time: time passes only while the program waits.
 
-        ``devices`` replaces simulated drives, by node-ID. Raises as ``open``.
+        ``devices`` replaces simulated drives, by node-ID. ``at_real_speed``: while the program waits, time passes as fast as that
+        of the computer, to watch a motion; a pause of the computer delays it and disturbs nothing. Raises as ``open``.
         """
-        return cls(*simulated(path, devices))._started()
+        return cls(*simulated(path, devices, at_real_speed=at_real_speed))._started()
 
     def _started(self) -> Machine:
         """Start the scan, and return this machine."""

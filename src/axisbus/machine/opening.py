@@ -97,11 +97,13 @@ def out_of_reach(path: str | Path) -> str:
     return "; ".join(texts)
 
 
-def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[CellConfig, Core]:
+def simulated(
+    path: str | Path, devices: Mapping[int, Device] | None, *, at_real_speed: bool
+) -> tuple[CellConfig, Core]:
     """Return a cell and its core in virtual time; as ``Machine.simulated``."""
     from axisbus.cell.other_protocols import require_virtual_time
     from axisbus.check.run import checked
-    from axisbus.clock import VirtualClock
+    from axisbus.clock import RealSpeed, VirtualClock
     from axisbus.core.canlink import CanLink, simulated_channel
     from axisbus.core.files import load_dictionaries
     from axisbus.core.runtime import Runtime
@@ -110,6 +112,8 @@ def simulated(path: str | Path, devices: Mapping[int, Device] | None) -> tuple[C
     require_virtual_time(cell)
     dictionaries = load_dictionaries(cell)
     clock = VirtualClock()
+    if at_real_speed:
+        clock.add(RealSpeed())
     with ExitStack() as on_failure:
         on_failure.callback(clock.close)
         channel, simulated_nodes, wire = simulated_channel(cell, dictionaries, clock, devices)
