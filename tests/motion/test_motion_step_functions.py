@@ -662,7 +662,13 @@ def test_a_settled_value_since_a_moment_ignores_earlier_samples():
     assert not still.feed(7.0, 1.0)
     assert still.rested_since == -math.inf
     assert not still.feed(7.0, 1.25)
+    assert not still.feed(7.0, 1.5)
     assert still.feed(7.0, 1.75)
+
+
+def test_two_equal_values_on_both_sides_of_a_turning_point_are_not_still():
+    still = SettledValue(2.0, 0.05)
+    assert not any(still.feed(value, 0.05 * number) for number, value in enumerate([0, 30, 40, 40, 30, 0]))
 
 
 # Speed and acceleration of a count.

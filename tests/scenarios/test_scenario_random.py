@@ -34,6 +34,33 @@ FOUND: Mapping[str, Script] = {
             (AxisRecipe(unit="mm", scale=26214.4, speed=10000.0, start=-2487),) * 2, period=50, gantry=True
         ),
     ),
+    "a halt during a superimposed motion against the path, whose sum turns back": Script(
+        "stiff",
+        (
+            Event(pause=0.0, what="follow", axis="c", value=-0.687),
+            Event(pause=2.0, what="follow", axis="c", value=-0.355),
+            Event(pause=2.0, what="superimposed", axis="c", value=-0.854),
+            Event(pause=0.2, what="halt", axis="c", value=0.152),
+        ),
+        scene="drawn",
+        ending="with",
+        cell=CellRecipe(
+            (
+                AxisRecipe(scale=27.77777777777778, speed=4000.0, acceleration=40000.0),
+                AxisRecipe(unit="rev", scale=131072.0, speed=200000.0, acceleration=400000.0),
+                AxisRecipe(
+                    unit="increments",
+                    scale=1.0,
+                    speed=32800.0,
+                    acceleration=32800.0,
+                    ease=(1.0, 1.0),
+                    words=("slow-ramp", "slow-ramp"),
+                    limits=(-0.2, 0.8),
+                ),
+            ),
+            period=50,
+        ),
+    ),
     "slow SDO answers that look like a slow link where SYNC counts no TPDO": Script(
         "lagging",
         (

@@ -5,11 +5,16 @@ from __future__ import annotations
 import math
 
 
+_LEAST_VALUES = 3
+
+
 class SettledValue:
     """Detects a constant value: for a whole window, no two values differ by more than twice the tolerance, and the value has not
     gone farther than the tolerance from the first one to the last.
 
     So noise of ± the tolerance is constant, whichever value was the first, and a slow motion is not.
+
+    The window has at least three values, however rare they are: two may be equal on both sides of the turning point of a motion.
 
     Only values received after ``since`` count. A value with the same timestamp as before is not new.
     """
@@ -20,6 +25,7 @@ class SettledValue:
         "_first_outside",
         "_highest",
         "_lowest",
+        "_number",
         "_stamp",
         "_tolerance",
         "_window",
@@ -32,8 +38,9 @@ class SettledValue:
         self._window = window
         self._first = self._lowest = self._highest = math.nan
         self._began_at = -math.inf
-        # The first value that is too far from the first one of the window, and its time.
-        self._first_outside: tuple[float, float] | None = None
+        self._number = 0  # of the newest value in the window
+        # The first value that is too far from the first one of the window, its time, and its number.
+        self._first_outside: tuple[float, float, int] | None = None
         self._stamp = since
         self.still = False
 
@@ -42,6 +49,7 @@ class SettledValue:
         if stamp <= self._stamp:
             return self.still
         self._stamp = stamp
+        self._number += 1
         if self._lowest <= value <= self._highest:
             pass  # most values of an axis at standstill
         elif self._highest - 2.0 * self._tolerance <= value <= self._lowest + 2.0 * self._tolerance:
@@ -55,16 +63,20 @@ class SettledValue:
     def _judge(self, value: float, stamp: float) -> None:
         """Decide at the end of the window; if the value left its tolerance, the window begins again where that happened first."""
         if self._first_outside is None and abs(value - self._first) > self._tolerance:
-            self._first_outside = value, stamp
-        if stamp - self._began_at < self._window:
+            self._first_outside = value, stamp, self._number
+        if not self._is_whole(stamp):
             return
         if self._first_outside is not None and abs(value - self._first) > self._tolerance:
-            (self._first, self._began_at), self._first_outside = self._first_outside, None
-        self.still = stamp - self._began_at >= self._window and abs(value - self._first) <= self._tolerance
+            (self._first, self._began_at, before), self._first_outside = self._first_outside, None
+            self._number -= before - 1
+        self.still = self._is_whole(stamp) and abs(value - self._first) <= self._tolerance
+
+    def _is_whole(self, stamp: float) -> bool:
+        return stamp - self._began_at >= self._window and self._number >= _LEAST_VALUES
 
     def _begin(self, value: float, stamp: float) -> None:
         self._first = self._lowest = self._highest = value
-        self._began_at, self._first_outside, self.still = stamp, None, False
+        self._began_at, self._number, self._first_outside, self.still = stamp, 1, None, False
 
     @property
     def rested_since(self) -> float:
