@@ -68,7 +68,9 @@ class Truth:
         changes = (asked.since for asked in self._facts.asked if asked.what in OVERRIDES)
         since = max(changes, default=0.0)  # from then on a command has all of its time
         for asked in self._facts.asked:
-            usual = _LATEST_PATH if asked.what == "follow_on" or self._may_have_lost_move(asked) else _LATEST
+            usual = (
+                _LATEST_PATH if asked.what == "follow_on" or self._ends_by_its_deadline(asked) else _LATEST
+            )
             limit = max(usual, *map(self._facts.stops_in, asked.names))
             late = (
                 asked.ended is None
@@ -78,12 +80,11 @@ class Truth:
             )
             self._facts.must(not late, "every handle ends", f"{asked.handle!r} is busy after {limit:g} s")
 
-    def _may_have_lost_move(self, asked: GivenCommand) -> bool:
-        """Whether another master took the set-point from the drive, perhaps unseen: then a move ends by twice the time it needs."""
+    def _ends_by_its_deadline(self, asked: GivenCommand) -> bool:
+        """Whether a move ends by twice the time it needs: another master took its set-point, or it jams within a wide 6065h."""
         names, span = asked.names, self._facts.now - asked.since
-        return any(
-            each.what in TAKES_SET_POINT for name in names for each in self._facts.troubled(name, span)
-        )
+        causes = TAKES_SET_POINT | {"jam"}
+        return any(each.what in causes for name in names for each in self._facts.troubled(name, span))
 
     def _is_slowed(self) -> bool:
         """Whether an override holds the motion, or makes it slower."""

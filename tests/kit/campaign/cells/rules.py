@@ -460,7 +460,10 @@ class Physics(Travel):
             self._allowed_beyond[name] = max(allowed, beyond)
 
     def _by_its_own_ramp(self, name: str) -> bool:
-        """Whether a commanded quick stop, or a fault reaction, brakes less than the axis may: no limit is promised for that."""
+        """Whether a quick stop that a command or ``on_fault`` requests, or a fault reaction, brakes less than the axis may.
+
+        No limit is promised for that.
+        """
         facts, drive = self._facts, self._facts.drive[name]
         asked = any(
             one.what.endswith("quick_stop")
@@ -472,7 +475,18 @@ class Physics(Travel):
         lost = any(t.what == "second_device" for t in facts.troubled(name, facts.stops_in(name)))
         weak = drive.axis.braking(drive.power.effort) < self._cell.recipe.axis(name).acceleration
         reacts = facts.stage(name) == REACTION and drive.mode_display != _CSP
-        return weak and (reacts or (facts.stage(name) == QUICK_STOP and (asked or lost)))
+        return weak and (
+            reacts
+            or (facts.stage(name) == QUICK_STOP and (asked or lost or self._stops_with_its_group(name)))
+        )
+
+    def _stops_with_its_group(self, name: str) -> bool:
+        """Whether an axis is quick-stopped by ``on_fault`` because another axis of its group has failed."""
+        recipe, core = self._cell.recipe, self._facts.core
+        group = recipe.names[: recipe.group] if recipe.on_fault == "quick" else ()
+        return name in group and any(
+            core[mate].state is AxisState.ERRORSTOP for mate in group if mate != name
+        )
 
     def _step_of_set_points(self, name: str) -> float:
         """Return by how many norm degrees a fault reaction may go beyond the end of a path that brakes as hard as it does.
