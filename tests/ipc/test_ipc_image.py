@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 import mmap
 import sys
-import threading
-from collections.abc import Iterator
+from collections.abc import Callable
+from contextlib import suppress
+from types import FrameType
 
 import pytest
 from hypothesis import given
@@ -120,35 +122,90 @@ def test_a_torn_image_is_not_taken():
     assert reader.read()["x"] == axis(2)
 
 
-@pytest.fixture
-def threads_alternate_quickly() -> Iterator[None]:
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(1e-5)
-    yield
-    sys.setswitchinterval(before)
+def before_each_line(run: Callable[[], object], then: Callable[[], object]) -> int:
+    """Run a function, and ``then`` before each line of it in the module of the image; return how often."""
+    count, tracer_before = itertools.count(), sys.gettrace()
+
+    def trace(frame: FrameType, event: str, _: object) -> Callable[..., object] | None:
+        if frame.f_code.co_filename != image.__file__:
+            return None
+        if event == "line":  # while ``then`` runs, nothing is traced
+            next(count)
+            then()
+        return trace
+
+    sys.settrace(trace)
+    try:
+        run()
+    finally:
+        sys.settrace(tracer_before)
+    return next(count)
 
 
-@pytest.mark.usefixtures("threads_alternate_quickly")
-def test_no_reader_ever_sees_values_of_two_cycles():
-    writer, reader = ends(12)
-    names = [str(number) for number in range(12)]
-    over = threading.Event()
+def position_of(reader: ImageReader) -> int:
+    """Read an image, and return the position that its first and its last axis have."""
+    read = reader.read()
+    (position,) = {read[MANY[0]].position, read[MANY[-1]].position}
+    assert position is not None
+    return position
+
+
+MANY = tuple(map(str, range(12)))
+
+
+def test_a_reader_gets_a_whole_image_whatever_line_of_a_write_has_been_reached():
+    writer, reader = ends(len(MANY))
+    seen: list[int] = []
+    for value in range(1, 10):
+        writer.write(0.0, dict.fromkeys(MANY, axis(2 * value)), {})
+        after = dict.fromkeys(MANY, axis(2 * value + 1))
+        lines = before_each_line(
+            lambda after=after: writer.write(0.0, after, {}), lambda: seen.append(position_of(reader))
+        )
+        assert lines > len(MANY)
+        assert {2 * value, 2 * value + 1} >= set(seen[-lines:])
+        assert position_of(reader) == 2 * value + 1
+    assert seen == sorted(seen)
+
+
+class BrokenOff(Exception):
+    """Ends a write at an axis."""
+
+
+class FirstAxes(dict[str, Snapshot]):
+    """Axes of which only some are found before the write ends."""
+
+    def __init__(self, value: int, count: int) -> None:
+        super().__init__(dict.fromkeys(MANY[:count], axis(value)))
+
+    def get(self, name: str, _: object = None) -> Snapshot:  # type: ignore[override]  # raises
+        if name not in self:
+            raise BrokenOff
+        return self[name]
+
+
+@pytest.mark.parametrize("axes", [0, 1, 6, 11])
+@pytest.mark.parametrize("writes", [0, 1, 6, 7, 8, 9])
+def test_a_reader_gets_a_whole_image_whatever_is_written_before_a_line_of_it(writes, axes):
+    writer, reader = ends(len(MANY))
+    values, seen = itertools.count(1), list[int]()
 
     def write() -> None:
-        value = 0
-        while not over.is_set():
-            value += 1
-            writer.write(0.0, dict.fromkeys(names, axis(value)), {})
+        writer.write(0.0, dict.fromkeys(MANY, axis(next(values))), {})
 
-    thread = threading.Thread(target=write)
-    thread.start()
-    seen: list[int] = []
-    try:
-        while len(seen) < 100:  # however seldom a busy computer lets both run
-            values = {each.position for each in reader.read().values()}
-            assert len(values) <= 1
-            seen += values - set(seen[-1:])
-    finally:
-        over.set()
-        thread.join()
-    assert seen == sorted(set(seen))
+    def write_at(line: int) -> None:
+        """Write images, and leave the writer in the middle of the next one."""
+        if line == chosen:
+            for _ in range(writes):
+                write()
+            with suppress(BrokenOff):
+                writer.write(0.0, FirstAxes(next(values), axes), {})
+
+    chosen, lines = 0, 1
+    while chosen < lines:
+        write()
+        count = itertools.count()
+        lines = before_each_line(lambda: seen.append(position_of(reader)), lambda: write_at(next(count)))  # noqa: B023
+        chosen += 1
+    assert lines > len(MANY)
+    assert seen == sorted(seen)
