@@ -49,7 +49,6 @@ def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
     for arguments in (
         ("move", command_line.CELL, "x=10", "--home"),
         ("home", hard),
-        ("demo", "--no-plot"),
         ("od", "read", "5:6041", *NODE),
         ("scan", *BUS),
     ):

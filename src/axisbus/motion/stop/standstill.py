@@ -5,9 +5,9 @@ Theory of operation
 A requested stop is not a completed stop. An axis is *at standstill* if the following has been seen since a moment (the
 beginning of a command, or of a step of the stop sequence):
 
-1. Positions received after that moment stay within the tolerance of one position for the whole ``standstill_time``, and for at least
-   three values (``SettledValue``). Values received before prove nothing, however fresh they may count: an event-driven position may
-   be half a second old.
+1. Positions received after that moment stay within the tolerance of one position for the whole ``standstill_time``, and for at
+   least three values (``SettledValue``). Values received before prove nothing, however fresh they may count: an event-driven
+   position may be half a second old.
 2. Nothing pulls or pushes: the controller's commanded position (6062h, and in csp the target that was sent) is within
    ``standstill_window`` of the actual position. An axis that is held by something else has a spring behind it, and leaps when it is
    released. In the torque modes the torque itself (6077h) must have gone.

@@ -35,7 +35,7 @@ class SerialWire:
             UserError: the extra ``modbus`` is not installed. AdapterError: the port cannot be opened.
         """
         serial, make, self._failures = libraries()
-        self._gone = (serial.SerialException, OSError)
+        self._stuck, self._gone = serial.SerialTimeoutException, (serial.SerialException, OSError)
         self.port = port
         self.timeout = timeout
         self._require(serial, port, rate)
@@ -52,7 +52,10 @@ class SerialWire:
             if self._client.connected:  # the write timed out, but the port is open
                 raise ModbusTimeout(str(error)) from error
             raise _unusable(self.port, str(error)) from error
-        except self._failures.ModbusException as error:
+        except (
+            self._failures.ModbusException,
+            self._stuck,
+        ) as error:  # older pymodbus does not convert ``_stuck``
             raise ModbusTimeout(str(error)) from error
         except self._gone as error:
             raise _unusable(self.port, str(error)) from error
