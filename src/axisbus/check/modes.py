@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from axisbus.bus.pdo.plan import PlannedPdo
-from axisbus.bus.pdo.read import Indices
 from axisbus.cell.axis_description import Drive
 from axisbus.cell.cyclic_modes import interpolates
 from axisbus.cell.parameters import mode_list, modes
@@ -191,7 +190,8 @@ def _has_writable_type(drive: Drive, index: int) -> bool:
 
 
 def _communication(pdo: PlannedPdo) -> int:
-    return Indices.of(pdo.receive, pdo.before.number).communication
+    first = o.RPDO_COMMUNICATION if pdo.receive else o.TPDO_COMMUNICATION
+    return first + pdo.before.number - 1
 
 
 def no_csp(drive: Drive) -> str:
