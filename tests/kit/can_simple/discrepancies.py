@@ -214,7 +214,7 @@ NOTES = (
         "lists for 0.5.13 and 0.5.14",
         "86 % of them differ in a later version; a wrong number may erase the module",
         "1 to 12 as in every known list",
-        "other numbers only by a list of exactly this firmware",
+        "other numbers only from the endpoint list of exactly this firmware",
         (0x04, 0x05),
     ),
 )
