@@ -290,6 +290,7 @@ ALSO_VIRTUAL_TIME = (
     "bus/test_bus_sdo_counts.py",
     "bus/test_bus_sync.py",
     "bus/test_bus_sdo_worker.py",
+    "drives/gim6010/test_cli_gim6010_over_modbus.py",
     "drives/test_drive_vendors.py::test_init_writes_the_notes_of_the_make",
     "drives/test_drive_vendors.py::test_scan_names_the_make",
     "fuzz/test_fuzz_channel.py",

@@ -541,7 +541,7 @@ def virtual_time() -> Iterator[Scheduler]:
             known_hook(args)
 
     class Selector(selectors.PollSelector):
-        _selector_cls = partial(Poll, scheduler)
+        _selector_cls = staticmethod(partial(Poll, scheduler))
 
     changes: list[tuple[Any, str, Any]] = [
         (time, "monotonic", scheduler.monotonic),

@@ -222,7 +222,7 @@ except KeyboardInterrupt:
             for system in SYSTEMS
         ),
         *((system, ("boot", "socketcan.toml"), "SocketCAN is a part of Linux") for system in SYSTEMS),
-        ("win32", ("jog", CELL, "x"), "a terminal of Windows cannot be read key by key"),
+        ("win32", ("jog", CELL, "x"), "a Windows terminal cannot be read key by key"),
         ("win32", ("sim", CELL, "--control", "drives"), "sockets with a path are not available on Windows"),
         ("win32", ("sim", "--modbus", "1"), "there are no pseudo-terminals on Windows"),
     ],

@@ -165,7 +165,7 @@ class LssMaster:
         sleep_until(self._channel.clock, sent + 2 * delay)
 
     def start_activation(self, addresses: Sequence[LssAddress] | None, delay: float) -> float:
-        """Do as ``activate``, but without waiting; return when the command was passed to the adapter (clock, s).
+        """As ``activate``, without waiting. Return the time at which the command was passed to the adapter (clock, s).
 
         From then on the slaves use the old rate for ``delay`` s, change the rate, and are silent for another ``delay`` s.
         """

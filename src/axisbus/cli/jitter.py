@@ -32,7 +32,7 @@ _US = 1e6
 @click.option(
     "--for", "seconds", type=Seconds(0.1), default=10.0, show_default=True, help="Duration in seconds."
 )
-@output_option("The picture to write, .png or .svg; without it, none is drawn.")
+@output_option("Image file to write, .png or .svg; by default none is drawn.")
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 @beside_option

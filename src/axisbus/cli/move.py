@@ -118,7 +118,7 @@ class _MoveRequest:
             return move(target, velocity=velocity, acceleration=acceleration, timeout=self.timeout)
         if self.timeout is not None:
             raise click.UsageError(
-                f"{mover.name}: a pair has no --timeout; its path is calculated, and monitored"
+                f"{mover.name}: --timeout does not apply to a gantry pair: the master calculates and monitors its path"
             )
         call = mover.move_relative if self.relative else mover.move_absolute
         return call(target, velocity=velocity, acceleration=acceleration)

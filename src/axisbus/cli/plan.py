@@ -28,7 +28,7 @@ _US = 1e6
 @click.option(
     "-b", "--bitrate", type=click.IntRange(min=1), help="Bit rate in bit/s, instead of the cell's own."
 )
-@output_option("The picture to write, .png or .svg; without it, none is drawn.")
+@output_option("Image file to write, .png or .svg; by default none is drawn.")
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the timetable as JSON.")
 def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, as_json: bool) -> int:
@@ -36,8 +36,8 @@ def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, a
     bits.
 
     It also shows the time left in the cycle for SDO and heartbeats, the shortest scan_period that the wire allows, and changes
-    that would shorten it. It opens no bus. axisbus jitter measures the additional times of drives and computer. Exit code 1 if
-    the cycle does not fit.
+    that would shorten it. It opens no bus. axisbus jitter measures the additional delays of the drives and of the computer.
+    Exit code 1 if the cycle does not fit.
     """
     if output is not None:
         require_picture(output)

@@ -138,7 +138,7 @@ def _read(path: Path, name: str) -> ReportItem:
         if path.stat().st_size > _LARGEST:
             raise UserError(
                 f"{path} is larger than {_LARGEST >> 20} MB; nothing was written",
-                remedy="give a shorter recording (axisbus record export), or send it apart from the report",
+                remedy="give a shorter recording (axisbus record export), or send it separately",
             )
         return ReportItem(name, path.read_bytes())
     except OSError as error:

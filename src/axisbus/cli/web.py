@@ -62,7 +62,7 @@ def command(
 ) -> int:
     """Serve a web page for CELL: it shows the machine and commands its axes. Energises nothing without a command of the user.
 
-    It opens the machine, or joins the machine that is already running. It prints a link that opens one browser, once. After
+    It opens the machine, or joins the machine that is already running. It prints a link that admits one browser, once. After
     Ctrl-C, a machine that this command has opened is stopped and disabled. A machine that it has joined keeps running, and the
     axes that the page moves halt.
     """

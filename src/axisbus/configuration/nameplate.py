@@ -30,9 +30,9 @@ _REMEDY = "give a file that axisbus nameplate --save has written, or save it aga
 class Nameplate:
     """The identification of one node; a value that the node does not have is None.
 
-    ``make``: the drive plug-in of its identity. ``vendor`` to ``serial`` are 1018h:01 to 04, the three texts 1008h to 100Ah,
-    ``configured_on`` and ``configured_at`` 1020h:01 and 02 (days since 1984-01-01, ms after midnight). ``file`` is the EDS or DCF
-    of the cell file, ``sha256`` the hash of its bytes.
+    ``make``: the drive plug-in that matches its identity. ``vendor`` to ``serial`` are 1018h:01 to 04, the three texts 1008h to
+    100Ah, ``configured_on`` and ``configured_at`` 1020h:01 and 02 (days since 1984-01-01, ms after midnight). ``file`` is the
+    EDS or DCF of the cell file, ``sha256`` the hash of its bytes.
     """
 
     node: int

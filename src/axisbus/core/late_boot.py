@@ -39,7 +39,7 @@ MAX_REJOINS = 3  # automatic boot-ups of a node in a row
 _STEADY_TIME = 60.0  # seconds after a boot-up from which the next one does not count as in a row with it
 _ANOTHER_DEVICE = frozenset(letter.name for letter in OTHER_DEVICE)
 POLL_PERIOD = 1.0  # seconds
-LEAVE_TIME = 6.0  # seconds for a boot-up in progress at the end
+LEAVE_TIME = 6.0  # seconds that closing waits for a boot-up in progress
 
 
 @dataclass(slots=True)

@@ -81,7 +81,9 @@ class Coupling:
         distance = self._request.finite("master_start_distance", over, self._master.unit)
         scaling = self._not_zero("master_scaling", master_scale)
         if distance < 0.0 or scaling < 0.0:
-            raise ArgumentError(f"{self._text}: master_start_distance and master_scaling are magnitudes")
+            raise ArgumentError(
+                f"{self._text}: master_start_distance and master_scaling must not be negative"
+            )
         begins_here = flag_of(self._text, "relative", relative)
         law = cam._transfer_function(
             self._request.finite("master_offset", phase, self._master.unit),
@@ -236,7 +238,8 @@ def _columns(points: Iterable[Sequence[float]]) -> tuple[list[float], list[float
     for count, (a, b) in enumerate(pairwise(known[0]), 2):
         if a >= b:
             raise ArgumentError(
-                "the positions of a cam's master must rise", observed=f"point {count}: {b:g} after {a:g}"
+                "the master positions of a cam must increase from point to point",
+                observed=f"point {count}: {b:g} after {a:g}",
             )
     return known[0], known[1]
 

@@ -23,7 +23,7 @@ _LINK = "http"
 class WebPage:
     """Holds the process that serves a page, until ``close``; usable as a context manager.
 
-    ``link`` opens one browser, once; an operator's page makes links for viewers. If the page ends or is killed, the machine keeps
+    ``link`` admits one browser, once; an operator's page makes links for viewers. If the page ends or is killed, the machine keeps
     running; axes that the page had set in motion halt.
     """
 

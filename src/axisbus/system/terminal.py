@@ -39,7 +39,7 @@ def key_by_key() -> Iterator[int]:
             termios.tcsetattr(terminal, termios.TCSADRAIN, before)
     else:
         raise PlatformError(
-            "a terminal of Windows cannot be read key by key",
+            "a Windows terminal cannot be read key by key",
             observed="axisbus cannot wait for its keys with a timeout",
             remedy="move the axis for a given time (axisbus velocity CELL AXIS=... --for 1s), or use Linux or macOS",
         )

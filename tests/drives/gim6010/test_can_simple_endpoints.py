@@ -155,7 +155,7 @@ def test_a_list_that_has_the_version_elsewhere_is_refused(number):
 )
 def test_versions(text, version):
     if version is None:
-        with pytest.raises(ArgumentError, match="is not a version"):
+        with pytest.raises(ArgumentError, match="is not a firmware version"):
             Firmware.parse(text)
     else:
         assert Firmware.parse(text) == version

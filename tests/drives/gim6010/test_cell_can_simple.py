@@ -106,7 +106,7 @@ def test_mistakes_are_reported_with_their_line(cell, old, new, words):
     [
         ("[nodes.40]", "[nodes.1]", "identifiers have two owners"),
         ("current_limit = 10.0", "current_limit = 60.0", "more than the module permits"),
-        ('firmware = "0.5.13"', 'firmware = "new"', "is not a version of a firmware"),
+        ('firmware = "0.5.13"', 'firmware = "new"', "is not a firmware version"),
         ("node = 16", "node = 16\ndrive_axis = 2", "a module with one axis"),
     ],
 )

@@ -30,7 +30,7 @@ _POLL_PERIOD = 1.0  # seconds between two updates of the counters
     "Another address of this computer: every computer that reaches it can read the figures, without encryption."
 )
 def command(cell: Path, port: int, listen: str) -> int:
-    """Serve the figures of the machine of CELL for Prometheus: lateness, bus, nodes, EMCY, axes. It commands nothing.
+    """Serve the metrics of the machine of CELL for Prometheus: lateness, bus, nodes, EMCY, axes. It commands nothing.
 
     It joins the running machine. If no machine is running, or when the machine ends, it waits for the next one; meanwhile
     axisbus_up is 0. Unknown and outdated values are left out. Ctrl-C ends it.

@@ -44,9 +44,7 @@ ros_options = together(
         envvar="ROS_DOMAIN_ID",
         help="The domain ID of ROS 2 [default: ROS_DOMAIN_ID, otherwise 0].",
     ),
-    click.option(
-        "--ros-namespace", metavar="NAME", help="The beginning of the names of topics and nodes of ROS 2."
-    ),
+    click.option("--ros-namespace", metavar="NAME", help="Namespace of the topics and nodes of ROS 2."),
     click.option(
         "--ros-rate",
         type=click.FloatRange(1.0, 200.0),
@@ -127,7 +125,8 @@ def command(
     """Join the machine of CELL to a Zenoh network: state, events, commands under a lease, objects, recordings.
 
     It joins the running machine. If no machine is running, or when the machine ends, it waits for the next one. The holder of
-    the lease has control of the machine; if the lease is lost, the axes that were moved under it halt. Ctrl-C ends the bridge.
+    the lease has control of the machine; if the lease is lost, the axes that the holder has set in motion halt. Ctrl-C ends the
+    bridge.
     """
     network.require_zenoh()
     keys = ZenohCellKeys(named("the plant", plant), named("the cell", cell.stem if name is None else name))

@@ -91,7 +91,7 @@ def command(
 ) -> int:  # fmt: skip
     """Check FILES (EDS, DCF, builtin:NAME, or patterns such as 'eds/*.eds') according to CiA DS 306, CiA 301 and CiA 402.
 
-    An error makes a tool or the device fail, a warning deviates from the standard, a note is useful to know. For each file, the
+    Error: a tool or the device fails. Warning: the file deviates from the standard. Note: useful to know. For each file, the
     report lists the broken rules, with the number of findings, the remedy, and line and column of the first findings. --all
     shows every finding, and --explain describes a rule.
 

@@ -85,7 +85,8 @@ def _require_source(
         )
     if axis is not None and (cell is None or node is not None):
         raise ArgumentError(
-            "--axis names a node of a cell", remedy="give it with --cell and without --node; or leave it out"
+            "--axis needs --cell, and excludes --node",
+            remedy="give it with --cell and without --node; or leave it out",
         )
 
 

@@ -67,7 +67,7 @@ def command(
     after: float,
     beside: bool,
 ) -> int:
-    """Record CELL into an MCAP file: each cycle of its axes, commands with their ends, faults, lost and recovered nodes.
+    """Record CELL into an MCAP file: each cycle of its axes, commands and their results, faults, lost and recovered nodes.
 
     Joins the machine of the cell if it is already running, otherwise boots the cell; energises nothing. The file can be read up
     to its last second, no matter how the recording ends.

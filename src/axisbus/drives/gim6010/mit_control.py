@@ -135,7 +135,7 @@ START_TIME = 2.0  # s until a heartbeat must show closed loop
 _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
 BLIND = 0.3  # s of braking if no answer shows the velocity
 _EDGE = 0.99  # share of the position range that must not be reached
-STANDS = 0.1  # rad/s of the output: standstill
+STANDS = 0.1  # rad/s of the output; a lower speed is standstill
 
 
 # ----------------------------------------------------------------------------------------------------------------------
@@ -143,7 +143,10 @@ STANDS = 0.1  # rad/s of the output: standstill
 
 
 ESTIMATES = named("Get_Encoder_Estimates").command
-_NEAR, _LATE = 0.05, 0.03  # tolerance in rad, and s of motion that are added to it
+_NEAR, _LATE = (
+    0.05,
+    0.03,
+)  # tolerance in rad, and the time in s whose motion at the present speed is added to it
 _TOGETHER = 0.015  # s at most between answer and estimate
 _ENOUGH = 5  # disagreements in a row
 

@@ -230,7 +230,8 @@ class GainSearch:
     def _is_too_much(self, gain: float) -> None:
         if self._phase is _Phase.RAISING:
             self._phase = _Phase.LOWERING
-        self.best = None  # the manual does not return to the smooth gain: the next one is derived from the one that was too high
+        # The manual does not go back to the last smooth gain: it derives the next gain from the one that was too high.
+        self.best = None
         self.next = gain * lowered(self.loop)
 
     def _is_smooth(self, gain: float) -> None:

@@ -8,7 +8,7 @@ thousand objects, so most of a file is never parsed. Most sections of a file rep
 parses each text once and makes the entries of the others from the first.
 
 No error in a text stops the reading: a part that is not understood is missing in the model and reported in a finding. The findings
-need a pass over the whole file, on first access; this pass also makes all objects. They are the findings of the reader itself.
+need a pass over the whole file, on first access; this pass also makes all objects. These findings are those of the reader itself.
 Rules over a whole document are in the package ``rules``; they take the ``EdsParseResult``, which has the lines, the sections and
 the model. Only a file that is no EDS at all is an error.
 """

@@ -124,7 +124,7 @@ class GuardedProtocol(OPCUAProtocol):
     def _admits(self, lines: list[OPCUAProtocol], limit: int) -> bool:
         """Return whether one more connection fits; if not, close the oldest without an activated session (OPC 10000-4 5.5.2.1).
 
-        A connection whose session waits for its password to be checked is closed after those without a session.
+        Connections without a session are closed first; then those whose session waits for its password to be checked.
         """
         if len(lines) < limit:
             return True

@@ -94,8 +94,8 @@ def _point(count: int, point: Waypoint, factors: list[float]) -> TrajectoryPoint
         if len(values) != len(factors) and (values or kind == "positions"):
             raise ArgumentError(
                 f"point {count} of the trajectory has {counted(len(values), 'number')} as {kind}",
-                observed=f"it names {counted(len(factors), 'joint')}",
-                remedy="give positions of each joint; velocities, and accelerations with them, of all or of none",
+                observed=f"the trajectory names {counted(len(factors), 'joint')}",
+                remedy="give a position for each joint, velocities for all joints or none, and accelerations only with velocities",
             )
         if not all(map(math.isfinite, values)):
             raise ArgumentError(f"point {count} of the trajectory has {kind} that are not finite numbers")

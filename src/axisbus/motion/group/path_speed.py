@@ -26,7 +26,7 @@ from typing import NamedTuple, Protocol
 from axisbus.motion.group.path import EMPTY_PATH
 
 _RESOLUTION = 1e-12  # relative to the length: the resolution of the numbers
-_LEAST = 1e-9  # of the speed change in one cycle: a lower speed counts as standstill
+_LEAST = 1e-9  # share of the speed change in one cycle; a lower speed counts as standstill
 _Row = Sequence[float] | Mapping[int, float]
 
 

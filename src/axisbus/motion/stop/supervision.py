@@ -136,7 +136,7 @@ class Supervision:
     def motion(
         self, image: AxisImage, state: AxisState, activity: Activity | None, bounded: bool
     ) -> StopDemand | None:
-        """Return the finding of ``power`` for an axis that is enabled and has a fresh statusword. Call ``guard.look`` before."""
+        """As ``power``, for an axis that is enabled and has a fresh statusword. Call ``guard.look`` before."""
         moving = activity if state in MOVING else None
         uncontrolled = self._mode.error(image, moving) or self.following.error(image, moving)
         if uncontrolled is not None:  # not under control: a quick stop is more certain than a halt

@@ -110,7 +110,7 @@ class PageSession:
 class LinkRefusal(Enum):
     """Why a link is refused."""
 
-    USED = "has already been used: it opens one browser, once"
+    USED = "has already been used: it admits one browser, once"
     LATE = "was made more than an hour ago, and is no longer valid"
     UNKNOWN = "is not a link of this server: it was mistyped, or it belongs to a server that has ended"
 

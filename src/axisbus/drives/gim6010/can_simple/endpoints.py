@@ -196,7 +196,7 @@ class Firmware(NamedTuple):
         """Return the version in a text: ``0.5.13``, ``v0.5.13``. Raises ArgumentError: the text is not a version."""
         found = re.fullmatch(r"v?(\d{1,3})\.(\d{1,3})\.(\d{1,3})", text.strip(), re.ASCII)
         if found is None:
-            raise ArgumentError(f"{text!r} is not a version of a firmware", remedy="write it as 0.5.13")
+            raise ArgumentError(f"{text!r} is not a firmware version", remedy="write it as 0.5.13")
         return cls(*map(int, found.groups()))
 
 

@@ -41,7 +41,8 @@ def request(node: int, which: ErrorType) -> Outgoing:
 def read(node: int, data: bytes, which: ErrorType) -> int | Unexpected:
     """Return the requested error word, 0 for no error, or the reason why the answer is invalid.
 
-    An eight-byte answer for a type of four bytes must end with zeros; otherwise it is the motor's word, requested before.
+    An eight-byte answer for a type of four bytes must end with zeros. Otherwise it is a late answer to an earlier request for the
+    motor's error word, which has eight bytes.
     """
     place = Identifier(node, GET_ERROR.command)
     if len(data) < which.length:

@@ -42,8 +42,9 @@ def command(what: str, line: GivenBus, node: int, yes: bool) -> int:
 
     The command explains the calibration, asks for confirmation, monitors the calibration, and assesses the result. It requires
     that exactly one module of CAN Simple sends heartbeats under this node ID, and that the module is idle and reports no error.
-    Ctrl-C, SIGTERM, a lost module, an error and too many turns end it by idle, then ESTOP, and the state of the module after that
-    is shown. Nothing is saved. Exit code 0 only if the calibration was completed without an error.
+    Ctrl-C, SIGTERM, the loss of the module, an error or too many turns abort the calibration: the command sends idle, then ESTOP,
+    and shows the state of the module after that. Nothing is saved. Exit code 0 only if the calibration was completed without an
+    error.
     """
     kind = CalibrationKind[what.upper()]
     require_bus(line)

@@ -124,9 +124,9 @@ def errors_command(
 ) -> int:
     """Show every error of a module: its category, the meaning of each bit, and what to check.
 
-    CAN Simple: the axis's word is in each heartbeat, the others are read. CANopen: 603Fh, 1001h, and the module's own bits.
-    Modbus RTU (--modbus): its error registers. USB (--usb): its error words. Exit code 1 when there is an error, 3 when no
-    module with this node ID is found. It clears nothing.
+    CAN Simple: the axis's error word is taken from the heartbeat, the other error words are read. CANopen: 603Fh, 1001h, and
+    the module's own bits. Modbus RTU (--modbus): its error registers. USB (--usb): its error words. Exit code 1 when there is
+    an error, 3 when no module with this node ID is found. It clears nothing.
     """
     if given:
         for text in report_text.of_words(report_text.parse(each) for each in given):

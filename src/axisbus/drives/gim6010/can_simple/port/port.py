@@ -192,7 +192,7 @@ class ModulePort:
         }
         if self.settings.torque is not None:
             found[o.TORQUE_ACTUAL] = _value(lambda: self._torque)
-        # by line, the mode decides, and not the objects
+        # over a serial line, the mode decides whether torque is commanded: the object always exists
         if self.settings.torque is not None or self.settings.relayed:
             found[o.TARGET_TORQUE] = lambda: drive.targets.torque
         return {(index, 0): read for index, read in found.items()} | error_objects(self.hearing.trouble)

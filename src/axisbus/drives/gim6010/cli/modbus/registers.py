@@ -279,7 +279,7 @@ def rename(target: ModbusTarget, new: int, *, save: bool) -> int:
 @click.command("zero")
 @list_options
 def zero_command(target: ModbusTarget) -> int:
-    """Set the present position of a module to 0, by its parameters (--list); the module saves it, and restarts.
+    """Set the present position of a module to 0 by writing its parameters (needs --list); the module saves it, and restarts.
 
     In idle only. After a start a module knows its position within one turn of the rotor, so it is the zero of this turn.
     Refused if its position does not agree with its encoder's count; then set it over USB.
@@ -339,7 +339,7 @@ _TIMEOUT = 0.1  # s for an answer, which takes a few ms
     help="The highest node ID to ask.",
 )
 def find_command(port: str, rates: str, parity: str, highest: int) -> int:
-    """Ask one node ID after the other; show state, supply and errors of each module found, and the next command to type.
+    """Poll one node ID after the other; show state, supply and errors of each module found, and the next command to type.
 
     Nothing is written. It asks at one rate, or at all of them with --rate all: no other program may use the line meanwhile.
     Exit code 0 if a module was found without an error, 1 if one has an error, 3 if no module answers.

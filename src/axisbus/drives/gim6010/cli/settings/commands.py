@@ -115,8 +115,8 @@ def _value(value: object) -> str:
 
 
 @click.command("watchdog")
-@click.option("--break-timeout", type=Seconds(), help="The time for can.config.break_timeout, such as 500ms.")
-@click.option("--axis-timeout", type=Seconds(), help="The time for the axis's watchdog, such as 500ms.")
+@click.option("--break-timeout", type=Seconds(), help="Value of can.config.break_timeout, such as 500ms.")
+@click.option("--axis-timeout", type=Seconds(), help="Timeout of the axis's watchdog, such as 500ms.")
 @click.option("--off", is_flag=True, help="Switch both off, and clear the error that they have caused.")
 @_setting_options
 def watchdog_command(**given: Any) -> int:

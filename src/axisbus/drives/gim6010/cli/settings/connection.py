@@ -60,9 +60,10 @@ def _searched(line: GivenBus, node: int) -> Iterator[list[DiscoveredModule]]:
 def set_bitrate_command(asked: ModuleSelection, rate: int) -> int:
     """Give a module that speaks CAN Simple the bit rate RATE (bit/s), save it, and find it again at that rate.
 
-    Needs its list of endpoints. First the command searches the whole bus (about 10 s). It refuses if the module is not alone,
-    since it would destroy the others' frames, or if it is not idle. Saving restarts it; the new rate applies from then on. Over
-    --modbus and --usb there is no search: the rate is that of its CAN interface, which need not be connected.
+    Needs its list of endpoints. First the command searches the whole bus (about 10 s). The command refuses if other modules are
+    on the bus, because a wrong bit rate would destroy their frames, or if the module is not idle. Saving restarts the module;
+    the new rate applies from then on. Over --modbus and --usb there is no search: the rate is that of its CAN interface, which
+    need not be connected.
     """
     wanted = bit_rate(rate)
     require_list(asked)
