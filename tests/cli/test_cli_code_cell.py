@@ -259,7 +259,7 @@ def test_a_two_axis_drive_has_the_objects_of_both_and_the_pdos_that_there_are(ru
         (("--node", "7"), "the cell has no node 7"),
         (("--axis", "q"), "the cell has no axis 'q'"),
         (("--axis", "v"), "axis v is virtual: it has no PDOs"),
-        (("--axis", "x", "--node", "1"), "--axis names a node of a cell"),
+        (("--axis", "x", "--node", "1"), "--axis needs --cell, and excludes --node"),
         (("builtin:generic-cia402",), "both a file and --cell are given"),
     ],
 )
@@ -285,7 +285,7 @@ def test_code_for_a_can_simple_module_is_refused_and_the_other_nodes_are_named(r
     ("arguments", "said"),
     [
         ((), "no input is given"),
-        (("--axis", "x", "builtin:generic-cia402"), "--axis names a node of a cell"),
+        (("--axis", "x", "builtin:generic-cia402"), "--axis needs --cell, and excludes --node"),
         (
             ("--cell", EXAMPLES / "cell.toml", "-o", "x.h"),
             "a Python module cannot contain the PDOs of a cell",
