@@ -174,7 +174,8 @@ def _modbus_client(frames: Sequence[bytes]) -> None:
     serial, make, exceptions = libraries()
     client = make("fuzz", timeout=0.001, retries=0)
     client.socket = _Port(frames)
-    wire._gone, wire._failures, wire._client = (serial.SerialException, OSError), exceptions, client
+    wire._stuck, wire._gone = serial.SerialTimeoutException, (serial.SerialException, OSError)
+    wire._failures, wire._client = exceptions, client
     wire.port = "fuzz"
     heard = 0
     for request in _ASKED:
