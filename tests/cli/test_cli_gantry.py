@@ -61,7 +61,7 @@ def test_a_pair_that_finds_no_switch_is_reported_and_disabled_again(axisbus, cel
         (("move", "b=1", "y=1"), 1, "name the pair: b"),
         (("move", "b=1", "b=2"), 2, "axis b is named twice"),
         (("move", "w=1"), 1, "it has x, y, z; its pairs are b"),
-        (("move", "b=1", "--timeout", "3"), 2, "a pair has no --timeout"),
+        (("move", "b=1", "--timeout", "3"), 2, "--timeout does not apply to a gantry pair"),
         (("move", "b=301"), 2, "beyond the position limits"),
         (("move", "b=601", "--relative"), 2, "would end beyond the position limits"),
         (("move", "b=1", "--velocity", "500"), 2, "velocity 500 deg/s is beyond that of x"),

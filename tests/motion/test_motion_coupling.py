@@ -111,7 +111,7 @@ def test_a_blend_from_standstill_to_standstill_never_reverses():
     ("points", "words"),
     [
         ([(0.0, 1.0)], "2 to 1000 points, this one has 1"),
-        ([(0.0, 1.0), (0.0, 2.0)], "must rise"),
+        ([(0.0, 1.0), (0.0, 2.0)], "must increase from point to point"),
         ([(0.0, 1.0), (1.0, math.inf)], "finite"),
         ([(0.0, 1.0), (1.0,)], "are not points of a cam"),
         (7, "are not points of a cam"),

@@ -562,7 +562,11 @@ def test_a_sync_position_that_the_master_is_too_near_to_is_reported(scenario):
             LimitError,
             "leaves the position limits of y",
         ),
-        (lambda c: c["y"].cam_in(c["x"], Cam(LOBE), master_start_distance=-1.0), ArgumentError, "magnitudes"),
+        (
+            lambda c: c["y"].cam_in(c["x"], Cam(LOBE), master_start_distance=-1.0),
+            ArgumentError,
+            "must not be negative",
+        ),
     ],
 )
 def test_invalid_couplings_are_refused_before_any_motion(scenario, ask, error, words):
