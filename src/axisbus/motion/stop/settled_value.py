@@ -37,7 +37,7 @@ class SettledValue:
         self._window = window
         self._first = self._lowest = self._highest = math.nan
         self._began_at = -math.inf
-        self._number = 0  # of the newest value in the window
+        self._number = 0  # of the newest value in the window; counted until the value is constant
         # The first value that is too far from the first one of the window, its time, and its number.
         self._first_outside: tuple[float, float, int] | None = None
         self._stamp = since
@@ -48,7 +48,6 @@ class SettledValue:
         if stamp <= self._stamp:
             return self.still
         self._stamp = stamp
-        self._number += 1
         if self._lowest <= value <= self._highest:
             pass  # most values of an axis at standstill
         elif self._highest - 2.0 * self._tolerance <= value <= self._lowest + 2.0 * self._tolerance:
@@ -61,6 +60,7 @@ class SettledValue:
 
     def _judge(self, value: float, stamp: float) -> None:
         """Decide at the end of the window; if the value left its tolerance, the window begins again where that happened first."""
+        self._number += 1
         if self._first_outside is None and abs(value - self._first) > self._tolerance:
             self._first_outside = value, stamp, self._number
         if not self._is_whole(stamp):
@@ -75,7 +75,7 @@ class SettledValue:
 
     def _begin(self, value: float, stamp: float) -> None:
         self._first = self._lowest = self._highest = value
-        self._began_at, self._number, self._first_outside, self.still = stamp, 1, None, False
+        self._began_at, self._number, self._first_outside, self.still = stamp, 0, None, False
 
     @property
     def rested_since(self) -> float:
