@@ -10,6 +10,7 @@ import pytest
 
 from axisbus.bus.link import adapter
 from axisbus.check.run import checked
+from axisbus.core import canlink
 from axisbus.core.simulated_nodes import SimulatedNode
 from axisbus.errors import LimitError, StateError
 from axisbus.machine.axis import Axis
@@ -33,6 +34,7 @@ def axisbus(monkeypatch, capsys, tmp_path):
         raise Opened
 
     monkeypatch.setattr(adapter, "open_adapter", opened)
+    monkeypatch.setattr(canlink, "simulated_channel", opened)  # of the demo
     monkeypatch.chdir(tmp_path)
     return command_line.runner(monkeypatch, capsys)
 
@@ -49,6 +51,7 @@ def test_the_watch_over_the_bus_sees_it_opened(axisbus, hard):
     for arguments in (
         ("move", command_line.CELL, "x=10", "--home"),
         ("home", hard),
+        ("demo", "--no-plot"),
         ("od", "read", "5:6041", *NODE),
         ("scan", *BUS),
     ):
