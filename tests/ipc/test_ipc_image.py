@@ -122,16 +122,15 @@ def test_a_torn_image_is_not_taken():
     assert reader.read()["x"] == axis(2)
 
 
-def before_each_line(run: Callable[[], object], then: Callable[[], object]) -> int:
-    """Run a function, and ``then`` before each line of it in the module of the image; return how often."""
+def before_each_line(run: Callable[[], object], then: Callable[[int], object]) -> int:
+    """Run a function, and ``then`` with a count before each line of it in the module of the image; return how often."""
     count, tracer_before = itertools.count(), sys.gettrace()
 
     def trace(frame: FrameType, event: str, _: object) -> Callable[..., object] | None:
         if frame.f_code.co_filename != image.__file__:
             return None
         if event == "line":  # while ``then`` runs, nothing is traced
-            next(count)
-            then()
+            then(next(count))
         return trace
 
     sys.settrace(trace)
@@ -160,7 +159,7 @@ def test_a_reader_gets_a_whole_image_whatever_line_of_a_write_has_been_reached()
         writer.write(0.0, dict.fromkeys(MANY, axis(2 * value)), {})
         after = dict.fromkeys(MANY, axis(2 * value + 1))
         lines = before_each_line(
-            lambda after=after: writer.write(0.0, after, {}), lambda: seen.append(position_of(reader))
+            lambda after=after: writer.write(0.0, after, {}), lambda _: seen.append(position_of(reader))
         )
         assert lines > len(MANY)
         assert {2 * value, 2 * value + 1} >= set(seen[-lines:])
@@ -204,8 +203,7 @@ def test_a_reader_gets_a_whole_image_whatever_is_written_before_a_line_of_it(wri
     chosen, lines = 0, 1
     while chosen < lines:
         write()
-        count = itertools.count()
-        lines = before_each_line(lambda: seen.append(position_of(reader)), lambda: write_at(next(count)))  # noqa: B023
+        lines = before_each_line(lambda: seen.append(position_of(reader)), write_at)
         chosen += 1
     assert lines > len(MANY)
     assert seen == sorted(seen)
