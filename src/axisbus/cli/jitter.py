@@ -14,7 +14,7 @@ from axisbus.cli.shared.attach_or_open import frames_of, machine_of
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import PATH, Seconds, beside_option
-from axisbus.cli.shared.output import force_option, output_option, require_free, write_file
+from axisbus.cli.shared.output import force_option, picture_option, require_free, write_file
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import UserError
 from axisbus.machine.machine import Machine
@@ -32,7 +32,7 @@ _US = 1e6
 @click.option(
     "--for", "seconds", type=Seconds(0.1), default=10.0, show_default=True, help="Duration in seconds."
 )
-@output_option("Image file to write, .png or .svg; by default none is drawn.")
+@picture_option
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the figures as JSON.")
 @beside_option

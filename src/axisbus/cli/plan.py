@@ -15,7 +15,7 @@ from axisbus.cli.shared import axes as named
 from axisbus.cli.shared.buses import rate_of
 from axisbus.cli.shared.common import OK, WRONG, say, say_json, say_next
 from axisbus.cli.shared.options import PATH
-from axisbus.cli.shared.output import force_option, output_option, require_free, write_file
+from axisbus.cli.shared.output import force_option, picture_option, require_free, write_file
 from axisbus.core.files import load_dictionaries
 from axisbus.errors import ArgumentError
 from axisbus.record.plot import load_pyplot, require_picture
@@ -28,7 +28,7 @@ _US = 1e6
 @click.option(
     "-b", "--bitrate", type=click.IntRange(min=1), help="Bit rate in bit/s, instead of the cell's own."
 )
-@output_option("Image file to write, .png or .svg; by default none is drawn.")
+@picture_option
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print the timetable as JSON.")
 def command(cell: Path, bitrate: int | None, output: Path | None, force: bool, as_json: bool) -> int:

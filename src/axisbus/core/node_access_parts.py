@@ -28,7 +28,7 @@ class NodeEventSource(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class NodeParts:
-    """What the access to one node needs. ``node`` is a ``CanopenNode``; ``clock`` is the clock of the time stamps of its messages.
+    """The objects for the access to one node. ``node`` is a ``CanopenNode``; ``clock`` gives the time stamps of its messages.
 
     ``plans`` are its PDOs, axis by axis; ``events`` is None if the node did not come up. ``objects_refused`` is None if it has an
     object dictionary, which ``eds`` describes. If it has none, ``eds`` describes its axis, and the function returns the error for

@@ -39,7 +39,7 @@ def read(path: Path) -> Recorded:
 
 @click.command("plot")
 @click.argument("recording", type=PATH)
-@output_option("The picture to write, .png or .svg; without it, in the folder of the recording.")
+@output_option("Image file to write, .png or .svg; by default in the folder of the recording.")
 @click.option(
     "--from", "begin", type=float, default=-math.inf, help="Begin at this time of the recording, in seconds."
 )

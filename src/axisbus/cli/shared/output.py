@@ -22,6 +22,9 @@ def output_option(text: str, **more: Any) -> Callable[[_F], _F]:
     return click.option("-o", "--output", type=PATH, help=text, **more)
 
 
+picture_option = output_option("Image file to write, .png or .svg; by default none is drawn.")
+
+
 def concise_option(text: str) -> Callable[[_F], _F]:
     """Add ``--concise``, the concise DCF that a command writes."""
     return click.option("--concise", "concise_out", type=PATH, help=text)

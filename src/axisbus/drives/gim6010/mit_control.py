@@ -135,7 +135,7 @@ START_TIME = 2.0  # s until a heartbeat must show closed loop
 _LOST, _LOST_PERIODS = 0.1, 5  # s, or periods, without an answer
 BLIND = 0.3  # s of braking if no answer shows the velocity
 _EDGE = 0.99  # share of the position range that must not be reached
-STANDS = 0.1  # rad/s of the output; a lower speed is standstill
+STANDS = 0.1  # rad/s of the output; a lower speed counts as standstill
 
 
 # ----------------------------------------------------------------------------------------------------------------------
